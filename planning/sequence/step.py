@@ -36,8 +36,8 @@ from planning.sequence.stage import (
 )
 from planning.sequence.world import Cell, Cells, World
 from planning.timing.rest_to_rest import motion_times, passing_time
-from planning.tool_motions.tool_motion import ToolMotion, line
-from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath
+from planning.tool_motions.tool_motion import line
+from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolRun
 from planning.tool_paths.tool_following import lead_tool
 from planning.values.deadline import Deadline
 from planning.values.finger_motion import FingerMotion
@@ -85,7 +85,7 @@ class FoundLine:
 
     def plan(self, query: Query) -> Attempt:  # noqa: ARG002
         """The line."""
-        detail = f"{self.path.motions[0].length:.4g} m, {len(self.path.waypoints)} configurations."
+        detail = f"{self.path.runs[0].length:.4g} m, {len(self.path.waypoints)} configurations."
         return Attempt(self.path.waypoints, detail, tool_path=self.path)
 
 
@@ -123,7 +123,7 @@ def lead_straight(cell: Cell, stage: Straight, q: Array, deadline: Deadline) -> 
     if backwards:
         path = reverse(path)
     segment = path.segments[0]
-    return Line(path, segment.start, segment.end, path.motions[0].length)
+    return Line(path, segment.start, segment.end, path.runs[0].length)
 
 
 def _lead(
@@ -131,17 +131,14 @@ def _lead(
     deadline: Deadline, along: Array, distance: float,
 ) -> ToolPath:  # fmt: skip
     end = transform(T[:3, :3], T[:3, 3] + distance * along)
-    return lead_tool(chain, checker, q, [line(T, end)], tolerances, deadline)
+    return lead_tool(chain, checker, q, [ToolRun.of(line(T, end))], tolerances, deadline)
 
 
 def reverse(path: ToolPath) -> ToolPath:
     """A tool path of one completed line, backwards."""
-    motion, segment = path.motions[0], path.segments[0]
-    assert isinstance(motion, ToolMotion)
-    back = ToolMotion(
-        motion.kind, motion.T_end, motion.T_start, motion.center, motion.normal, motion.sweep
-    )
-    return ToolPath((back,), (segment.reverse(),), 1.0, None, path.tolerances)
+    back = line(path.runs[0].motions[0].T_end, path.runs[0].motions[0].T_start)
+    segment = path.segments[0].reverse()
+    return ToolPath((ToolRun.of(back),), (segment,), 1.0, None, path.tolerances)
 
 
 def plan_free(

@@ -190,9 +190,13 @@ def rounded_corner(first: ToolMotion, second: ToolMotion, distance: float) -> To
     """The corner from a distance before the end of a motion to the same behind it [m]."""
     s, t = 1.0 - distance / first.length, distance / second.length
     one, other = part_of(first, s, 1.0), part_of(second, 0.0, t)
-    before, after = one.direction(1.0), other.direction(0.0)
-    angle = math.atan2(float(np.linalg.norm(np.cross(before, after))), float(before @ after))
+    angle = angle_between(one.direction(1.0), other.direction(0.0))
     return ToolCorner(one, other, best_slope(angle))
+
+
+def angle_between(a: Array, b: Array) -> float:
+    """Angle between unit vectors (3,) [rad]."""
+    return math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
 
 
 def part_of(motion: ToolMotion, begin: float, end: float) -> ToolMotion:

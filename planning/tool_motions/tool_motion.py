@@ -77,30 +77,19 @@ class ToolMotion:
 
     def pose(self, s: float) -> Array:
         """T_base_tool at a place from 0 to 1, shape (4, 4)."""
-        turn, R = self.turn, self.T_start[:3, :3]
-        if (angle := float(np.linalg.norm(turn))) > _NO_ANGLE:
-            R = from_axis_angle(turn, s * angle) @ R
-        start = self.T_start[:3, 3]
-        if self.kind == "lin":
-            return transform(R, start + s * (self.T_end[:3, 3] - start))
-        spoke = from_axis_angle(self.normal, s * self.sweep) @ (start - self.center)
-        return transform(R, self.center + spoke)
+        return np.asarray(self.poses(np.array([s]))[0])
 
     def direction(self, s: float) -> Array:
         """Unit tangent of the path at a place from 0 to 1, shape (3,)."""
-        if self.kind == "lin":
-            way = self.T_end[:3, 3] - self.T_start[:3, 3]
-            return np.asarray(way / np.linalg.norm(way))
-        spoke = self.T_start[:3, 3] - self.center
-        tangent = np.cross(self.normal, spoke) / self.radius
-        return np.asarray(from_axis_angle(self.normal, s * self.sweep) @ tangent)
+        return np.asarray(self.directions(np.array([s]))[0])
 
     def directions(self, places: Array) -> Array:
         """Unit tangents at places from 0 to 1 (k,), shape (k, 3)."""
         s = np.asarray(places, dtype=np.float64)
-        first = self.direction(0.0)
         if self.kind == "lin":
-            return np.tile(first, (len(s), 1))
+            way = self.T_end[:3, 3] - self.T_start[:3, 3]
+            return np.tile(way / np.linalg.norm(way), (len(s), 1))
+        first = np.cross(self.normal, self.T_start[:3, 3] - self.center) / self.radius
         return np.asarray(_turns(self.sweep * self.normal, s) @ first)
 
     def poses(self, places: Array) -> Array:

@@ -8,7 +8,6 @@ import numpy as np
 from kinematics.arrays import Array, frozen
 from planning.timing.path.path import JointPath
 from planning.tool_motions.tool_corner import CurveKind, ToolCurve
-from planning.tool_motions.tool_motion import ToolMotion
 from planning.tool_motions.tool_tolerance import ToolTolerance
 
 #: Of what a motion is a part: a list of motions, or a seam with what leads to it and from it.
@@ -106,10 +105,7 @@ class ToolRun:
 
     def pose(self, s: float) -> Array:
         """T_base_tool at a place from 0 to 1, shape (4, 4)."""
-        if len(self.motions) == 1:
-            return self.motions[0].pose(s)
-        motion, at = self.locate(s)
-        return motion.pose(at)
+        return np.asarray(self.poses(np.array([s]))[0])
 
     def poses(self, places: Array) -> Array:
         """T_base_tool at places from 0 to 1 (k,), shape (k, 4, 4)."""
@@ -125,16 +121,6 @@ class ToolRun:
     def parts_until(self, reached: float) -> tuple[RunPart, ...]:
         """The parts that begin before a place of the run; the first one always."""
         return tuple(part for part in self.parts if part.begin < reached or part.begin == 0.0)
-
-
-def run_of(motion: ToolCurve | ToolRun, asked: int = 0) -> ToolRun:
-    """A motion as a run of its own; a run as it is.
-
-    Args:
-        motion: A motion or a run.
-        asked: Index of the motion of the request, for a motion.
-    """
-    return motion if isinstance(motion, ToolRun) else ToolRun.of(motion, asked)
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +199,7 @@ class ToolPath:
     """Joint paths that lead the tool along its motions.
 
     Args:
-        motions: Motions, or runs of several without a rest, that were begun.
+        runs: Motions from rest to rest that were begun.
         segments: The joint path of each.
         fraction: How much of all motions asked for was carried out: those that were completed,
             and the share of the one that was not, over their number.
@@ -225,7 +211,7 @@ class ToolPath:
             where none is asked for.
     """
 
-    motions: tuple[ToolMotion | ToolRun, ...]
+    runs: tuple[ToolRun, ...]
     segments: tuple[ToolSegment, ...]
     fraction: float
     stop: Stop | None
@@ -245,12 +231,7 @@ class ToolPath:
         return np.array(rows)
 
     @property
-    def runs(self) -> tuple[ToolRun, ...]:
-        """The motions as runs from rest to rest."""
-        return tuple(run_of(motion, k) for k, motion in enumerate(self.motions))
-
-    @property
-    def moving(self) -> list[tuple[ToolMotion | ToolRun, JointPath]]:
-        """The motions in which the joints move, with their joint paths."""
-        pairs = zip(self.motions, self.segments, strict=True)
-        return [(motion, segment.path) for motion, segment in pairs if segment.path is not None]
+    def moving(self) -> list[tuple[ToolRun, JointPath]]:
+        """The runs in which the joints move, with their joint paths."""
+        pairs = zip(self.runs, self.segments, strict=True)
+        return [(run, segment.path) for run, segment in pairs if segment.path is not None]

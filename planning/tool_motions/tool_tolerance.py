@@ -132,27 +132,6 @@ class ToolTolerance:
             self.axes,
         )
 
-    def deviations(self, nominal: Array, poses: Array) -> Array:
-        """Deviations x, y, z, rx, ry, rz of poses from those asked for.
-
-        Args:
-            nominal: Poses asked for, shape (k, 4, 4).
-            poses: Poses of the tool, shape (k, 4, 4).
-
-        Returns:
-            Shape (k, 6) [m], [rad].
-        """
-        R, A = nominal[:, :3, :3], self._axes(nominal)
-        e = np.einsum("kji,kj->ki", A, poses[:, :3, 3] - nominal[:, :3, 3])
-        relative = np.einsum("kil,kjl->kij", poses[:, :3, :3], R)
-        D = np.einsum("kji,kjl,klm->kim", A, relative, A)
-        angles = [
-            np.arctan2(-D[:, 1, 2], D[:, 2, 2]),
-            np.arcsin(np.clip(D[:, 0, 2], -1.0, 1.0)),
-            np.arctan2(-D[:, 0, 1], D[:, 0, 0]),
-        ]
-        return np.column_stack([e, *angles])
-
     def poses(self, nominal: Array, deviations: Array) -> Array:
         """Poses (k, 4, 4) that deviate from those asked for (k, 4, 4) by deviations (k, 6)."""
         A = self._axes(nominal)
@@ -162,31 +141,6 @@ class ToolTolerance:
         turned = np.einsum("kij,kjl,kml->kim", A, D, A)
         T[:, :3, :3] = turned @ nominal[:, :3, :3]
         return T
-
-    def clip(self, deviations: Array) -> Array:
-        """The nearest deviations within the box, and within the tilt by turning less, (k, 6)."""
-        d = deviations.copy()
-        for column in (RX, RY, RZ):
-            if np.isfinite(self.lower[column]):
-                middle = 0.5 * (self.lower[column] + self.upper[column])
-                # Angles count by the turn that is nearest to the middle of their range.
-                turns = np.round((d[:, column] - middle) / (2.0 * np.pi))
-                d[:, column] -= 2.0 * np.pi * turns
-        d = np.clip(d, self.lower, self.upper)
-        if np.isfinite(self.tilt):
-            # The tilt is not quite proportional to both angles: a few rounds bring it there.
-            # Rounds in which angles are scaled down to a tilt.
-            for _ in range(6):
-                share = np.minimum(1.0, self.tilt / np.maximum(tilts(d), 1e-12))
-                d[:, RX:RZ] *= share[:, None]
-        return np.asarray(d)
-
-    def excess(self, deviations: Array) -> Array:
-        """Largest excess of deviations (k, 6) in position [m] and angle [rad], shape (k, 2)."""
-        over = np.abs(deviations - self.clip(deviations))
-        over[:, RX:] %= 2.0 * np.pi
-        over[:, RX:] = np.minimum(over[:, RX:], 2.0 * np.pi - over[:, RX:])
-        return np.column_stack([over[:, :RX].max(axis=1), over[:, RX:].max(axis=1)])
 
     def _axes(self, nominal: Array) -> Array:
         if self.axes is None:

@@ -20,7 +20,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.pose import from_axis_angle, rotation_error, transform
-from planning.tool_motions.tool_corner import ToolCurve, part_of, rounded_corner
+from planning.tool_motions.tool_corner import ToolCurve, angle_between, part_of, rounded_corner
 from planning.tool_motions.tool_motion import ToolMotion, arc_about, line, without_spin
 from planning.tool_motions.tool_path import ToolRun
 
@@ -87,7 +87,7 @@ def _distance(first: ToolMotion, second: ToolMotion, blend: float, *, arcs: bool
     shorter = min(first.length, second.length)
     if not blend > 0.0 or shorter < _SHORTEST:
         return None
-    angle = _angle(first.direction(1.0), second.direction(0.0))
+    angle = corner_angle(first, second)
     # Directions that differ by less go on in each other without a blend [rad].
     if angle <= 1e-6 and (arcs or _go_on_alike(first, second)):
         return 0.0
@@ -182,6 +182,6 @@ def _reverse(motion: ToolMotion) -> ToolMotion:
     return arc_about(motion.T_end, motion.T_start, motion.center, -motion.normal)
 
 
-def _angle(a: Array, b: Array) -> float:
-    """Angle between unit vectors (3,) [rad]."""
-    return math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
+def corner_angle(first: ToolCurve, second: ToolCurve) -> float:
+    """Angle between the directions in which two motions meet [rad]."""
+    return angle_between(first.direction(1.0), second.direction(0.0))

@@ -21,26 +21,12 @@ from planning.planner import Query
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import Attempt, Failure
 from planning.timing.options import TimingOptions
-from planning.tool_motions.tool_path import Reason, Stop, Tolerances, ToolPath
+from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath
 from planning.tool_paths.blending import runs
 from planning.tool_paths.motions import repairs, tool_motions
+from planning.tool_paths.reasons import HINTS
 from planning.tool_paths.seams.planner import plan_seam
 from planning.tool_paths.tool_following import lead_tool
-
-#: What to try, by the reason for a stop.
-_HINTS: dict[Reason, str] = {
-    "limit": "Start in another branch, or turn the tool elsewhere. allow_partial answers what "
-    "can be done.",
-    "singularity": "Start in another branch, or lead the tool past it. allow_partial answers what "
-    "can be done.",
-    "unreachable": "Bring the end nearer. allow_partial answers what can be done.",
-    "branch": "Start in the branch of other_joints, or ask for planner auto, which may leave the "
-    "line. allow_partial answers what can be done.",
-    "collision": "Move what is in the way, or lead the tool round it. allow_partial answers what "
-    "can be done.",
-    "deviation": "Allow a larger max_deviation. allow_partial answers what can be done.",
-    "time": "Allow more time.",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +117,9 @@ class Cartesian:
         if stop.reason == "time":
             code = "TIMED_OUT"
             message = f"time was up after {percentage:.4g} % of the motion"
+        hint = f"{HINTS[stop.reason]} allow_partial answers what can be done."
         details = _stop_details(problem.robot.chain, tool_path, stop)
-        return Failure(code, message, _HINTS[stop.reason], self.name, details=details)
+        return Failure(code, message, hint, self.name, details=details)
 
 
 def _describe(tool_path: ToolPath) -> str:

@@ -5,6 +5,8 @@ orientation there. Planners sample it, and leave a part of the tolerance to what
 of a motion is bounded by the proof alone (``planning.proof.tool.tool_deviation``).
 """
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +15,7 @@ from kinematics.forward import forward
 from kinematics.model.chain import Chain
 from planning.tool_motions.tool_corner import ToolCorner, ToolCurve
 from planning.tool_motions.tool_path import ToolRun
+from planning.tool_paths.projection import box_errors, pack_tolerance
 
 #: Samples of a piece, in the middles of as many parts of it.
 _SAMPLES = 8
@@ -28,6 +31,8 @@ def pieces_within(
 ) -> NDArray[np.bool_]:
     """Whether samples of the tool keep to a run on each piece of a piecewise polynomial.
 
+    Deviations are measured from the places that the tool is at, as the proof does.
+
     Args:
         chain: The robot; its tip is the tool.
         run: The motions.
@@ -35,7 +40,8 @@ def pieces_within(
             them, shape (m + 1,).
         breaks: Ends of the pieces in their own parameter, shape (m + 1,).
         coefficients: Shape (m, n, k), ascending.
-        tolerances: Deviations allowed [m], [rad]; infinite where it is free.
+        tolerances: Deviations allowed, of boxes those beyond them [m], [rad]; infinite where it
+            is free.
 
     Returns:
         Shape (m,).
@@ -44,6 +50,9 @@ def pieces_within(
     since = np.outer(np.diff(breaks), (np.arange(_SAMPLES) + 0.5) / _SAMPLES)
     joints = np.einsum("mnk,msk->msn", coefficients, since[..., None] ** np.arange(size))
     T = forward(chain, joints.reshape(-1, n)).reshape(m, _SAMPLES, 4, 4)
+    if run.tolerances:
+        errors = box_errors(chain, *_own_places(run, T.reshape(-1, 4, 4)), joints.reshape(-1, n))
+        return np.asarray((errors <= tolerances).reshape(m, -1).all(axis=1))
     within = np.zeros(m, dtype=np.bool_)
     # Places of pieces and motions that differ by less are the same.
     same_place = 1e-12
@@ -53,6 +62,25 @@ def pieces_within(
         off = tool_deviations(part.motion, T[first:last].reshape(-1, 4, 4))
         within[first:last] = (off <= tolerances).reshape(-1, 2 * _SAMPLES).all(axis=1)
     return within
+
+
+def _own_places(run: ToolRun, T: Array) -> tuple[Array, Array]:
+    """Poses asked for where the tool is with its poses T (k, 4, 4), and the boxes there.
+
+    Each point belongs to the motion up to the plane across the path at its end.
+    """
+    ends = [motion.T_end[:3, 3] for motion in run.motions[:-1]]
+    across = [one.direction(1.0) + other.direction(0.0) for one, other in pairwise(run.motions)]
+    owners, k = np.zeros(len(T), dtype=np.int64), 0
+    for i, point in enumerate(T[:, :3, 3]):
+        while k < len(ends) and (point - ends[k]) @ across[k] >= 0.0:
+            k += 1
+        owners[i] = k
+    nominal = np.empty((len(T), 4, 4))
+    for k in np.unique(owners):
+        motion, mine = run.motions[k], owners == k
+        nominal[mine] = motion.poses(motion.places(T[mine, :3, 3]))
+    return nominal, np.array([pack_tolerance(box) for box in run.tolerances])[owners]
 
 
 def tool_deviations(motion: ToolCurve, T: Array) -> Array:

@@ -1,30 +1,36 @@
-"""Joint paths that keep the tool on its motion: one branch of inverse kinematics, followed.
+"""Joint paths that keep the tool on its motion, or within its tolerance of it.
 
-From the configuration at hand the numeric method goes to the next pose along the motion, starting
-where it is: so it stays in its branch. Steps are halved where it fails or the joints jump. Through
-the configurations goes a cubic spline in s, whose second derivative is continuous, so that every
-method can time it; where the spline takes the tool too far off, more configurations are put in
-between. What limits the joints is reported where no step is small enough.
+Through configurations goes a cubic spline in s, whose second derivative is continuous, so that
+every method can time it; where the spline takes the tool too far off, more configurations are put
+in between. A seam gives the configurations that its search has chosen. Of a motion without a
+tolerance they are found one after the other: from the one at hand Newton's method goes to the next
+pose, so that it stays in its branch; steps are halved where it fails or the joints jump. What
+limits the joints is reported where no step is small enough.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from kinematics.arrays import Array
 from kinematics.ik.numeric import numeric
-from kinematics.ik.numeric.numeric import AXES, POSITION, Axis
-from kinematics.jacobian import pose_and_jacobian
-from kinematics.model.chain import Chain, Limits
-from kinematics.pose import rotation_error
+from kinematics.ik.numeric.numeric import AXES, POSITION
+from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
 from planning.timing.path.path import JointPath
-from planning.tool_motions.tool_motion import ToolMotion
-from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolRun, ToolSegment, run_of
+from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolRun, ToolSegment
+from planning.tool_paths.projection import REACHED, pack_tolerance, project
+from planning.tool_paths.reasons import (
+    SINGULAR,
+    Cause,
+    at_limit,
+    out_of_reach,
+    relative_singular_value,
+)
 from planning.tool_paths.tool_deviation import pieces_within
 from planning.values.deadline import Deadline
 
@@ -32,17 +38,16 @@ from planning.values.deadline import Deadline
 _JUMP = 0.35
 #: Steps below this part of a motion tell that it can't be followed any further.
 _LEAST_STEP = 1e-5
-#: The solver keeps this far inside the joint limits [rad or m], for the spline between its answers.
-_INSET = 1e-4
-#: Least singular value, as part of the largest, below which an arm counts as singular.
-_SINGULAR = 1e-2
+#: What the solver adds to the joint limits to keep inside them [rad or m], for the spline between.
+_INSIDE = np.array([[1e-4], [-1e-4]])
+_SHARP = "the joints would have to turn too sharply to keep the tool within max_deviation"
 
 
 def lead_tool(
     chain: Chain,
     checker: Checker,
     start: Array,
-    motions: Sequence[ToolMotion | ToolRun],
+    runs: Sequence[ToolRun],
     tolerances: Tolerances,
     deadline: Deadline,
 ) -> ToolPath:
@@ -56,23 +61,22 @@ def lead_tool(
         chain: The robot; its tip is the tool.
         checker: The robot in its scene.
         start: Free and inside the limits, shape (n,).
-        motions: Lines and arcs, at least one, or runs of them without a rest.
+        runs: Lines and arcs from rest to rest, at least one.
         tolerances: How far the tool may be off them.
         deadline: Time at which to give up.
     """
     segments: list[ToolSegment] = []
     q = start
-    for motion in motions:
-        segment = free_part(checker, follow(chain, motion, q, tolerances, deadline))
+    for run in runs:
+        segment = free_part(checker, follow(chain, run, q, tolerances, deadline))
         segments.append(segment)
         q = segment.end
         if segment.stop is not None:
             break
-    last = segments[-1]
-    counts = [len(run_of(motion).motions) for motion in motions]
-    done = sum(counts[: len(segments) - 1]) + _completed(run_of(motions[len(segments) - 1]), last)
-    begun = tuple(motions[: len(segments)])
-    return ToolPath(begun, tuple(segments), done / sum(counts), last.stop, tolerances)
+    begun, last = tuple(runs[: len(segments)]), segments[-1]
+    done = sum(len(run.motions) for run in begun[:-1]) + _completed(begun[-1], last)
+    fraction = done / sum(len(run.motions) for run in runs)
+    return ToolPath(begun, tuple(segments), fraction, last.stop, tolerances)
 
 
 def _completed(run: ToolRun, segment: ToolSegment) -> float:
@@ -120,33 +124,41 @@ def _clear_until(checker: Checker, piece: Array, length: float, met: float) -> f
 
 
 def follow(
-    chain: Chain,
-    motion: ToolMotion | ToolRun,
-    start: Array,
-    tolerances: Tolerances,
-    deadline: Deadline,
+    chain: Chain, run: ToolRun, start: Array, tolerances: Tolerances, deadline: Deadline
 ) -> ToolSegment:
-    """Follow a motion of the tool from a configuration whose tool is where it begins.
+    """Follow a run from a configuration whose tool is where it begins.
 
     Args:
         chain: The robot; its tip is the tool.
-        motion: The motion, or several that are run through without a rest.
+        run: The motions.
         start: Inside the limits, shape (n,).
         tolerances: How far the tool may be off it, between the configurations too.
         deadline: Time at which to give up.
     """
-    following = _Following(chain, run_of(motion), start, tolerances, deadline)
-    stop = following.march()
-    while True:
-        places, joints = following.places, following.joints
-        if len(places) < 2 or not np.ptp(joints, axis=0).any():
-            reached = places[-1] if stop is not None else 1.0
-            return ToolSegment(None, start, start, reached, stop)
-        path = _spline(np.array(places), np.array(joints))
-        wide = following.deviating_pieces(path)
-        if not wide:
-            return ToolSegment(path, start, joints[-1], places[-1], stop)
-        stop = following.insert(path, wide) or stop
+    following = _Following(chain, run, ([0.0], [start]), tolerances, deadline)
+    return following.spline(following.march())
+
+
+def follow_through(
+    chain: Chain,
+    run: ToolRun,
+    knots: tuple[Array, Array],
+    tolerances: Tolerances,
+    deadline: Deadline,
+) -> ToolSegment:
+    """Follow a run through configurations that are known, with more of them where it needs them.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        run: The motions, with the box that the tool may be in.
+        knots: Places from 0 to 1 and configurations there, shapes (k,) and (k, n).
+        tolerances: How far the tool may be off them, or out of the box.
+        deadline: Time at which to give up.
+    """
+    places, joints = knots
+    following = _Following(chain, run, (places.tolist(), list(joints)), tolerances, deadline)
+    # Times that places are put where the spline leaves the tolerance.
+    return following.spline(None, rounds=7)
 
 
 class _Following:
@@ -156,37 +168,63 @@ class _Following:
         self,
         chain: Chain,
         run: ToolRun,
-        start: Array,
+        knots: tuple[list[float], list[Array]],
         tolerances: Tolerances,
         deadline: Deadline,
     ) -> None:
-        self.places, self.joints = [0.0], [start]
+        self.places, self.joints = knots
         self._chain, self._run, self._deadline = chain, run, deadline
         self._ends = run.breaks[1:]
         self._tolerances = tolerances
-        self._usual_steps = self._find_usual_steps()
-        self._narrow = replace(chain, limits=_narrow_limits(chain.limits, start))
+        turns = tolerances.orientation is None
+        self._boxes = np.array([pack_tolerance(part.tolerance, turns=turns) for part in run.parts])
+        self._limits = np.array([chain.limits.lower, chain.limits.upper])
+        inside = self._limits + _INSIDE
+        start = self.joints[0]
+        self._narrow = np.array([np.minimum(inside[0], start), np.maximum(inside[1], start)])
+        self._narrow = np.clip(self._narrow, *self._limits)
 
     def march(self) -> Stop | None:
         """Go along the motion as far as the arm can; the stop, where that is not the end."""
-        step = np.inf
+        step, usual_steps = np.inf, self._find_usual_steps()
         while self.places[-1] < 1.0:
             k = int(np.searchsorted(self._ends, self.places[-1], side="right"))
-            step = min(step, self._usual_steps[k])
+            step = min(step, usual_steps[k])
             at, end = self.places[-1] + step, float(self._ends[k])
             # A last step of rounding would be one too many.
             at = end if end - at < _LEAST_STEP else at
-            target = self._run.pose(at)
-            q = self._solve_inside(target, self._predict(target))
-            if q is not None and np.abs(q - self.joints[-1]).max() <= _JUMP:
+            q, solved = self._solve([at], self.joints[-1][None])
+            if solved[0]:
                 self.places.append(at)
-                self.joints.append(q)
+                self.joints.append(q[0])
                 step *= 2.0
             elif step / 2.0 < _LEAST_STEP or self._deadline.passed:
                 return self._explain(len(self.places) - 1, at)
             else:
                 step /= 2.0
         return None
+
+    def spline(self, stop: Stop | None, rounds: int | None = None) -> ToolSegment:
+        """The spline through the configurations, with more of them where it leaves the tolerance.
+
+        Args:
+            stop: Why the configurations end before the motion does, if they do.
+            rounds: Times that configurations are put in between at most; None for no end.
+        """
+        start = self.joints[0]
+        while True:
+            places, joints = self.places, self.joints
+            if len(places) < 2 or not np.ptp(joints, axis=0).any():
+                reached = places[-1] if stop is not None else 1.0
+                return ToolSegment(None, start, start, reached, stop)
+            path = _spline(np.array(places), np.array(joints))
+            wide = self.deviating_pieces(path)
+            if not wide:
+                return ToolSegment(path, start, joints[-1], places[-1], stop)
+            if rounds == 0:
+                return ToolSegment(path, start, joints[-1], 1.0, Stop(1.0, "deviation", _SHARP, {}))
+            rounds = None if rounds is None else rounds - 1
+            stop = self.insert(path, wide) or stop
 
     def _find_usual_steps(self) -> list[float]:
         """The first step tried on each part of the run."""
@@ -204,145 +242,115 @@ class _Following:
             for part in run.parts
         ]
 
-    def _predict(self, target: Array) -> Array:
-        """The joints after the least motion that moves the tool as asked, to first order."""
-        q = self.joints[-1]
-        T, J = pose_and_jacobian(self._chain, q)
-        error = target[:3, 3] - T[:3, 3]
-        if self._tolerances.orientation is None:
-            J = J[:3]
-        else:
-            error = np.concatenate([error, rotation_error(T[:3, :3], target[:3, :3])])
-        step = np.linalg.lstsq(J, error, rcond=_SINGULAR)[0]
-        limits = self._narrow.limits
-        return np.asarray(np.clip(q + step, limits.lower, limits.upper))
+    def _solve(
+        self, places: Sequence[float], seeds: Array, limits: tuple[Array, ...] = ()
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Configurations at places (k,) nearest to seeds (k, n), at a limit only if need be.
 
-    def _solve_inside(self, target: Array, seed: Array) -> Array | None:
-        """The solution nearest to the seed, at a limit only if there is no other."""
-        q = self._solve(self._narrow, target, seed)
-        return q if q is not None else self._solve(self._chain, target, seed)
+        Args:
+            places: Places of the run.
+            seeds: Configurations to begin at.
+            limits: Limits to keep, of shape (2, n), the narrower first; those of the robot if none.
 
-    def _solve(self, chain: Chain, target: Array, seed: Array) -> Array | None:
-        position, orientation = _solver_tolerances(self._tolerances)
-        options = numeric.SearchOptions(
-            starts=1,
-            position_tolerance=position,
-            orientation_tolerance=orientation,
-            axes=_axes(self._tolerances),
-        )
-        result = numeric.solve(chain, target, options, seed_joints=seed)
-        return result.solutions[0].joints if result.solutions else None
+        Returns:
+            The configurations, and whether each is one that goes on from its seed, shape (k,).
+        """
+        s = np.asarray(places)
+        owner = np.minimum(np.searchsorted(self._ends, s, side="right"), len(self._boxes) - 1)
+        nominal, boxes, joints = self._run.poses(s), self._boxes[owner], np.array(seeds, order="C")
+        solved = np.zeros(len(s), dtype=np.bool_)
+        # Errors that may be left, as part of the deviation allowed, and the least and most of them.
+        allowed = np.clip([1e-3 * value for value in self._tolerances.pair], 1e-9, REACHED)
+        for kept in limits or (self._narrow, self._limits):
+            left = np.flatnonzero(~solved)
+            if not len(left):
+                break
+            q = np.ascontiguousarray(seeds[left])
+            errors = project(self._chain, nominal[left], boxes[left], kept, q)
+            near = np.abs(q - seeds[left]).max(axis=1) <= _JUMP
+            joints[left], solved[left] = q, near & (errors <= allowed).all(axis=1)
+        return joints, solved
 
     def deviating_pieces(self, path: JointPath) -> list[int]:
         """Pieces on which the tool is off its motion, or a joint beyond its limit."""
         chain, breaks = self._chain, path.breaks
+        # Part of the deviation allowed that is used: the rest is left to what lies between samples
+        # and, in a box, to the bounds of the proof.
+        share = 0.85 if self._run.tolerances else 0.9
         position, orientation = self._tolerances.pair
-        # A tenth of the deviation allowed is left to what lies between samples.
-        share = (0.9 * position, 0.9 * orientation)
+        allowed = (share * position, share * orientation)
         fine = pieces_within(
-            chain, self._run, np.array(self.places), breaks, path.coefficients, share
+            chain, self._run, np.array(self.places), breaks, path.coefficients, allowed
         )
         low, high = Trajectory(chain.joint_names, breaks, path.coefficients).piece_extrema()
-        outside = np.any((low < chain.limits.lower) | (high > chain.limits.upper), axis=1)
-        return [int(i) for i in np.flatnonzero(outside | ~fine)]
+        wide = np.any((low < chain.limits.lower) | (high > chain.limits.upper), axis=1) | ~fine
+        if self._run.tolerances:
+            # At a corner of the path both sides need short pieces, or the spline rings.
+            wide[1:] |= wide[:-1].copy()
+            wide[:-1] |= wide[1:].copy()
+        return [int(i) for i in np.flatnonzero(wide)]
 
     def insert(self, path: JointPath, wide: list[int]) -> Stop | None:
         """Insert a configuration in the middle of these pieces; the stop, where that fails.
 
         Where it fails, the configurations after that place are dropped.
         """
-        breaks = path.breaks
-        for piece in wide:
-            at = 0.5 * float(breaks[piece] + breaks[piece + 1])
-            k = int(np.searchsorted(self.places, at))
-            q = None
-            narrow = breaks[piece + 1] - breaks[piece] < 2.0 * _LEAST_STEP
-            # Configurations on one motion at most.
-            if not (narrow or self._deadline.passed or len(self.places) >= 6000):
-                seed = path.sample([at])[0]
-                q = self._solve_inside(self._run.pose(at), seed)
-            if q is None or np.abs(q - seed).max() > _JUMP:
-                del self.places[k:], self.joints[k:]
-                return self._explain(k - 1, at, between=True)
-            self.places.insert(k, at)
-            self.joints.insert(k, q)
-        return None
+        breaks, pieces = path.breaks, np.array(wide)
+        at = 0.5 * (breaks[pieces] + breaks[pieces + 1])
+        joints, solved = self._solve(at, path.sample(at))
+        solved &= breaks[pieces + 1] - breaks[pieces] >= 2.0 * _LEAST_STEP
+        # Configurations on one motion at most.
+        solved &= len(self.places) + np.arange(len(at)) < 6000
+        if self._deadline.passed:
+            solved[:] = False
+        count = len(at) if solved.all() else int(np.argmin(solved))
+        if count < len(at):
+            k = wide[count] + 1
+            del self.places[k:], self.joints[k:]
+        for piece, place, q in reversed(list(zip(wide, at, joints, strict=True))[:count]):
+            self.places.insert(piece + 1, float(place))
+            self.joints.insert(piece + 1, q)
+        if count == len(at):
+            return None
+        return self._explain(len(self.places) - 1, float(at[count]), between=True)
 
     def _explain(self, k: int, at: float, *, between: bool = False) -> Stop:
         """The reason why the arm can't go on from its k-th place."""
         reached, q = self.places[k], self.joints[k]
         if self._deadline.passed:
             return Stop(reached, "time", "time was up", {})
-        at_limit = self._limit_stop(reached, q, at)
-        if at_limit is not None:
-            return at_limit
-        values = self._singular_values(q)
-        details: dict[str, Any] = {"smallest_singular_value": float(values[-1])}
+        cause = self._limit(q, at) or self._cause(q, at, between=between)
+        return Stop(reached, *cause)
+
+    def _cause(self, q: Array, at: float, *, between: bool) -> Cause:
+        """The reason why the arm can't go on from a configuration, limits apart."""
+        is_free = self._tolerances.orientation is None
         # Starts spent on finding out whether a pose can be reached at all.
-        options = numeric.SearchOptions(starts=150, axes=_axes(self._tolerances))
-        other = numeric.solve(self._chain, self._run.pose(at), options, seed_joints=q)
-        if not other.solutions:
-            nearest = other.nearest
-            details["position_error"] = nearest.position_error
-            details["orientation_error"] = nearest.orientation_error
-            return Stop(reached, "unreachable", "the arm does not reach any farther", details)
-        if values[-1] < _SINGULAR * values[0]:
-            text = f"the arm is singular here (smallest singular value {values[-1]:.3g})"
-            return Stop(reached, "singularity", text, details)
+        options = numeric.SearchOptions(starts=150, axes=POSITION if is_free else AXES)
+        least, share = relative_singular_value(self._chain, q, slice(3 if is_free else 6))
+        details: dict[str, Any] = {"smallest_singular_value": least}
+        beyond, other = out_of_reach(self._chain, self._run.pose(at), options, q)
+        if beyond is not None:
+            return beyond._replace(details=details | beyond.details)
+        if share < SINGULAR:
+            text = f"the arm is singular here (smallest singular value {least:.3g})"
+            return Cause("singularity", text, details)
         if between:
-            text = "the joints would have to turn too sharply to keep the tool within max_deviation"
-            return Stop(reached, "deviation", text, details)
-        details["other_joints"] = other.solutions[0].joints.tolist()
+            return Cause("deviation", _SHARP, details)
+        details["other_joints"] = other.tolist()
         text = "the arm could only go on in another branch of its inverse kinematics"
-        return Stop(reached, "branch", text, details)
+        return Cause("branch", text, details)
 
-    def _limit_stop(self, reached: float, q: Array, at: float) -> Stop | None:
-        """The stop at a joint limit, where the arm could go on without it."""
-        chain = self._chain
-        n, limits = chain.n, chain.limits
-        endless = replace(limits, lower=np.full(n, -np.inf), upper=np.full(n, np.inf))
-        beyond = self._solve(replace(chain, limits=endless), self._run.pose(at), q)
-        if beyond is None or np.abs(beyond - q).max() > _JUMP:
+    def _limit(self, q: Array, at: float) -> Cause | None:
+        """The joint limit without which the arm could go on; None where it could not."""
+        none = np.full((2, len(q)), np.inf) * [[-1.0], [1.0]]
+        beyond, solved = self._solve([at], q[None], (none,))
+        if not solved[0]:
             return None
-        below, above = limits.lower + _INSET - beyond, beyond - limits.upper + _INSET
-        j = int(np.argmax(np.maximum(below, above)))
-        if max(below[j], above[j]) <= 0.0:
+        limits = self._limits + _INSIDE
+        if (limits[0] <= beyond[0]).all() and (beyond[0] <= limits[1]).all():
             return None
-        which = "lower" if below[j] > above[j] else "upper"
-        limit, name = float(getattr(limits, which)[j]), chain.joint_names[j]
-        details = {"joint": name, "limit": limit, "value": float(q[j])}
-        text = f"joint {name!r} comes to its {which} limit {limit:.6g}"
-        return Stop(reached, "limit", text, details)
-
-    def _singular_values(self, q: Array) -> Array:
-        """Singular values of the Jacobian's rows that count and are not always 0, largest first."""
-        _, J = pose_and_jacobian(self._chain, q)
-        rows = J[:3] if self._tolerances.orientation is None else J
-        # Rows of the Jacobian below this are 0: no joint moves the tool that way.
-        some = rows[np.linalg.norm(rows, axis=1) > 1e-9]
-        return np.asarray(np.linalg.svd(some if len(some) else rows, compute_uv=False))
-
-
-def _axes(tolerances: Tolerances) -> tuple[Axis, ...]:
-    """The axes of a pose that inverse kinematics has to reach."""
-    return POSITION if tolerances.orientation is None else AXES
-
-
-def _solver_tolerances(tolerances: Tolerances) -> tuple[float, float]:
-    """Errors that inverse kinematics may leave [m], [rad]."""
-    # Tolerance of inverse kinematics, as part of the deviation allowed.
-    # Smallest tolerance of inverse kinematics [m or rad].
-    # Largest tolerance of inverse kinematics [m or rad].
-    fine = np.clip([1e-3 * value for value in tolerances.pair], 1e-10, 1e-6)
-    return float(fine[0]), float(fine[1])
-
-
-def _narrow_limits(limits: Limits, start: Array) -> Limits:
-    """Joint limits a little narrower, but for joints that start nearer to them."""
-    lower, upper = limits.lower + _INSET, limits.upper - _INSET
-    lower = np.maximum(np.minimum(lower, start), limits.lower)
-    upper = np.minimum(np.maximum(upper, start), limits.upper)
-    return replace(limits, lower=lower, upper=upper)
+        return at_limit(self._chain, beyond[0])
 
 
 def _spline(places: Array, joints: Array) -> JointPath:

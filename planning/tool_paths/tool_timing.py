@@ -21,8 +21,7 @@ from planning.timing.spline.quintic_fit import fit_quintic
 from planning.timing.time_scaling import ScaledTime
 from planning.tool_motions.passing_times import passing_times
 from planning.tool_motions.timed_tool_motions import SpeedBand, TimedToolMotions
-from planning.tool_motions.tool_motion import ToolMotion
-from planning.tool_motions.tool_path import RunPart, Tolerances, ToolPath, ToolRun, run_of
+from planning.tool_motions.tool_path import RunPart, Tolerances, ToolPath, ToolRun
 from planning.tool_paths.tool_deviation import pieces_within, tool_deviations
 from planning.values.limits import MotionLimits
 
@@ -125,10 +124,9 @@ def time_tool_path(
     """
     scaled = [_time_motion(chain, path, *pair, parametrization) for pair in path.moving]
     if near:
-        runs = [run_of(motion) for motion, _ in path.moving]
         scaled = [
-            spline_near(chain, *pair, path.tolerances, parametrization)
-            for pair in zip(runs, scaled, strict=True)
+            spline_near(chain, run, timed, path.tolerances, parametrization)
+            for (run, _), timed in zip(path.moving, scaled, strict=True)
         ]
     parts = tuple(part.trajectory for part in scaled)
     free = transits or {}
@@ -181,14 +179,10 @@ def _reports(
 
 
 def _speed_limits(
-    chain: Chain,
-    motion: ToolMotion | ToolRun,
-    path: JointPath,
-    parametrization: TimeParametrization,
+    chain: Chain, run: ToolRun, path: JointPath, parametrization: TimeParametrization
 ) -> list[SpeedLimit | None]:
     """Limits below the tool speed that a run without tolerances is to be timed at, part by part."""
-    run, speed = run_of(motion), parametrization.tool_speed
-    parts = run.parts_until(path.length)
+    speed, parts = parametrization.tool_speed, run.parts_until(path.length)
     if speed is None or run.tolerances:
         return [None] * len(parts)
     return speed_limits(chain.joint_names, path, parts, run.length, speed, parametrization)
@@ -197,11 +191,10 @@ def _speed_limits(
 def _time_motion(
     chain: Chain,
     tool_path: ToolPath,
-    motion: ToolMotion | ToolRun,
+    run: ToolRun,
     path: JointPath,
     parametrization: TimeParametrization,
 ) -> ScaledTime:
-    run = run_of(motion)
     if run.tool_speeds:
         steady = _time_steadily(chain, run, tool_path.speed_band, path, parametrization)
         if steady is not None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -11,30 +11,27 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.ik.numeric import numeric
-from kinematics.jacobian import geometric
-from kinematics.model.chain import Chain
 from planning.result import Failure
 from planning.tool_motions.tool_path import Reason, Stop
 from planning.tool_motions.tool_tolerance import RX, RZ, ToolTolerance
-from planning.tool_paths.seams.path import SeamPlaces, corner_angle, pack_tolerance
+from planning.tool_paths.blending import corner_angle
+from planning.tool_paths.reasons import (
+    HINTS,
+    SINGULAR,
+    Cause,
+    at_limit,
+    endless,
+    nearest_turns,
+    out_of_reach,
+    relative_singular_value,
+)
+from planning.tool_paths.seams.path import SeamPlaces
 from planning.tool_paths.seams.search import SeamGraph, SeamSearch
 
 #: Name of the planner.
 _NAME = "cartesian"
 #: Tilts that are tried [rad].
 _TILTS = tuple(math.radians(angle) for angle in (5.0, 15.0, 30.0, 45.0))
-
-#: What to try, by the reason.
-_HINTS: dict[Reason, str] = {
-    "limit": "Move the work or the robot's base.",
-    "singularity": "Move the work off the singularity.",
-    "unreachable": "Bring the waypoint nearer.",
-    "branch": "Split the seam where the longest part ends.",
-    "collision": "Move what is in the way.",
-    "deviation": "Allow a larger max_deviation, or waypoints farther apart.",
-    "time": "Allow more time.",
-}
-
 
 _BEND_HINT = (
     "Allow a larger max_deviation, give the waypoints a blend, or lead the path through arcs (via) "
@@ -44,21 +41,6 @@ _RANGE_HINT = (
     "Where the path bends, ranges of position that leave out 0 can be kept across it only: let "
     "them hold 0, or turn their axes with the path."
 )
-
-
-@dataclass(frozen=True, slots=True)
-class _Reason:
-    """Reason why no way leads to a layer.
-
-    Args:
-        reason: Reason in a word.
-        message: One sentence.
-        details: Numbers for the reason.
-    """
-
-    reason: Reason
-    message: str
-    details: dict[str, Any]
 
 
 def explain_search(
@@ -73,7 +55,7 @@ def explain_search(
     """
     if search.deadline.passed:
         return Failure("TIMED_OUT", "time was up before a way along the seam was found",
-                       _HINTS["time"], _NAME)  # fmt: skip
+                       HINTS["time"], _NAME)  # fmt: skip
     for one in graphs:
         search.check_all(one)
         search.solve(one)
@@ -109,7 +91,7 @@ def explain_search(
 
 def _hint(reason: Reason, details: dict[str, Any]) -> str:
     """Advice with the parts of the seam that can be followed by themselves."""
-    hint = _HINTS[reason]
+    hint = HINTS[reason]
     if details["would_help"]:
         hint += " Or widen the tolerance as would_help says."
     parts = [f"{p['from_waypoint']} to {p['to_waypoint']}" for p in details["followable"]]
@@ -151,7 +133,7 @@ def explain_stop(places: SeamPlaces, number: int, stop: Stop) -> Failure:
     return Failure(
         "TIMED_OUT" if stop.reason == "time" else "PLANNING_FAILED",
         f"the seam can't be followed to waypoints[{waypoint}]: {stop.message}",
-        _HINTS[stop.reason],
+        HINTS[stop.reason],
         _NAME,
         details={"reason": stop.reason, "waypoint": waypoint, "fraction": fraction, **stop.details},
     )
@@ -189,11 +171,11 @@ def _first_unreached(graph: SeamGraph) -> int:
     return len(graph.layers) - 1
 
 
-def _reason(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
+def _reason(search: SeamSearch, graph: SeamGraph, layer: int) -> Cause:
     """Reason why no way leads to a layer."""
     mine = graph.of_layer(layer)
     if not mine.size:
-        return _out_of_reach(search, graph, layer)
+        return _beyond(search, graph, layer)
     colliding = mine[graph.collided[mine]]
     if np.isfinite(graph.costs[mine]).any():
         met = _met_on_the_way(search, graph, mine)
@@ -201,7 +183,7 @@ def _reason(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
             return _discontinuous(search, graph, layer)
         return _collision(search, met, "all ways there collide")
     if not colliding.size:
-        return _Reason("limit", "all configurations there are at a joint limit", {})
+        return Cause("limit", "all configurations there are at a joint limit", {})
     return _collision(search, graph.nodes.joints[colliding], "all configurations collide")
 
 
@@ -219,73 +201,39 @@ def _met_on_the_way(search: SeamSearch, graph: SeamGraph, mine: NDArray[np.int64
     return np.array([joints[node] for node in way if graph.collided[node]] + hits)
 
 
-def _collision(search: SeamSearch, colliding: Array, words: str) -> _Reason:
+def _collision(search: SeamSearch, colliding: Array, words: str) -> Cause:
     """The least deep of some collisions, of configurations (k, n)."""
     depth, pair = search.checker.least_overlap(colliding) or (0.0, ("", ""))
     text = f"{words}, at best {pair[0]!r} with {pair[1]!r} by {depth:.4g} m"
-    return _Reason("collision", text, {"pair": list(pair), "depth": depth})
+    return Cause("collision", text, {"pair": list(pair), "depth": depth})
 
 
-def _out_of_reach(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
+def _beyond(search: SeamSearch, graph: SeamGraph, layer: int) -> Cause:
     """Reason why inverse kinematics has nothing for a layer."""
     chain, target = search.chain, search.places.nominal[graph.layers[layer]]
     # Starts of the search for the nearest pose.
     options = numeric.SearchOptions(starts=60)
-    found = numeric.solve(chain, target, options, seed_joints=search.start)
+    cause, _ = out_of_reach(chain, target, options, search.start)
     if graph.nodes.outside[layer]:
-        n, limits = chain.n, chain.limits
-        endless = replace(limits, lower=np.full(n, -np.inf), upper=np.full(n, np.inf))
-        free = numeric.solve(replace(chain, limits=endless), target, options,
-                             seed_joints=search.start)  # fmt: skip
-        if free.solutions:
-            return _limit_reason(chain, free.solutions[0].joints)
-    if found.solutions:
-        return _Reason("limit", "the closed form has no solution inside the limits there", {})
-    nearest = found.nearest
-    text = (
-        f"the arm comes no nearer than {nearest.position_error:.4g} m and "
-        f"{nearest.orientation_error:.4g} rad"
-    )
-    details = {
-        "position_error": nearest.position_error,
-        "orientation_error": nearest.orientation_error,
-    }
-    return _Reason("unreachable", text, details)
+        beyond, q = out_of_reach(endless(chain), target, options, search.start)
+        if beyond is None:
+            return at_limit(chain, nearest_turns(chain, q))
+    return cause or Cause("limit", "the closed form has no solution inside the limits there", {})
 
 
-def _limit_reason(chain: Chain, q: np.ndarray) -> _Reason:
-    """The joint that is farthest beyond its limits at a configuration."""
-    limits = chain.limits
-    turns = np.where(chain.joint_types == 0, 2.0 * np.pi, np.inf)
-    middle = (
-        np.where(np.isfinite(limits.lower + limits.upper), limits.lower + limits.upper, 0.0) / 2
-    )
-    q = np.where(np.isfinite(turns), q - 2.0 * np.pi * np.round((q - middle) / (2.0 * np.pi)), q)
-    beyond = np.maximum(limits.lower - q, q - limits.upper)
-    j = int(np.argmax(beyond))
-    limit = float(limits.lower[j] if limits.lower[j] > q[j] else limits.upper[j])
-    name, excess = chain.joint_names[j], max(float(beyond[j]), 0.0)
-    text = f"joint {name!r} would have to go {excess:.4g} beyond its limit {limit:.6g}"
-    details = {"joint": name, "limit": limit, "value": float(q[j]), "excess": excess}
-    return _Reason("limit", text, details)
-
-
-def _discontinuous(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
+def _discontinuous(search: SeamSearch, graph: SeamGraph, layer: int) -> Cause:
     """Reason why configurations of a layer can't be reached from those before."""
     firsts = graph.nodes.firsts
     before = np.arange(firsts[max(layer - 1, 0)], firsts[max(layer, 1)])
     reached = before[np.isfinite(graph.best[before]) & (graph.origin[before] == 0)]
-    sharpest = 0.0
     # Configurations whose depth in obstacles is checked.
-    for node in reached[:: max(1, len(reached) // 60)]:
-        J = geometric(search.chain, graph.nodes.joints[node])
-        values = np.linalg.svd(J[np.linalg.norm(J, axis=1) > 1e-9], compute_uv=False)
-        sharpest = max(sharpest, float(values[-1] / values[0]))
+    some = graph.nodes.joints[reached[:: max(1, len(reached) // 60)]]
+    sharpest = max((relative_singular_value(search.chain, q)[1] for q in some), default=0.0)
     details = {"smallest_singular_value": sharpest}
     # Least singular value, as part of the largest, below which an arm counts as singular.
-    if reached.size and sharpest < 2e-2:
-        return _Reason("singularity", "all ways there come to a singularity", details)
-    return _Reason(
+    if reached.size and sharpest < 2.0 * SINGULAR:
+        return Cause("singularity", "all ways there come to a singularity", details)
+    return Cause(
         "branch", "the arm could only go on in another branch of its inverse kinematics", details
     )
 
@@ -310,8 +258,7 @@ def _helpful_tolerances(search: SeamSearch) -> Iterator[dict[str, Any]]:
             if all(wide[id(t)] is t for t in search.places.tolerances):
                 continue
             tolerances = tuple(wide[id(t)] for t in search.places.tolerances)
-            boxes = np.array([pack_tolerance(tolerance) for tolerance in tolerances])
-            places = replace(search.places, tolerances=tolerances, boxes=boxes)
+            places = replace(search.places, tolerances=tolerances)
             if replace(search, places=places, deadline=deadline).run().joints is not None:
                 yield change
                 break

@@ -11,24 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.linalg import solveh_banded
 
 from kinematics.arrays import Array
-from kinematics.forward import forward
-from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
-from planning.timing.path.path import JointPath
-from planning.tool_motions.tool_path import Tolerances, ToolRun, ToolSegment
+from planning.tool_motions.tool_path import Tolerances, ToolSegment
 from planning.tool_motions.tool_tolerance import RX, ToolTolerance
-from planning.tool_paths.seams.path import SeamPlaces, pack_tolerance
-from planning.tool_paths.seams.search import SeamSearch, project_kernel
+from planning.tool_paths.projection import REACHED
+from planning.tool_paths.seams.path import SeamPlaces
+from planning.tool_paths.seams.search import SeamSearch
+from planning.tool_paths.tool_following import follow_through
 from planning.values.deadline import Deadline
-
-#: Errors that a projection may leave [m], [rad].
-_REACHED = 1e-6
-#: Samples of each piece of a spline.
-_LOOKS = 6
 
 
 def refine(search: SeamSearch, joints: Array) -> Array:
@@ -51,7 +44,7 @@ def refine(search: SeamSearch, joints: Array) -> Array:
         calmer = _smooth(best, stiffness)
         # Part of half of a joint's range that calmer ways keep free at either end, where there is
         # room.
-        is_reached = search.project(calmer, 0.02).max() <= _REACHED
+        is_reached = search.project(calmer, 0.02).max() <= REACHED
         rough = _roughness(calmer)
         # A round that calms the way by less than this part can't be used.
         is_calmer = rough <= 0.99 * roughness
@@ -84,8 +77,6 @@ def segments(
     joints: Array,
     deviations: Tolerances,
     deadline: Deadline,
-    *,
-    own_places: bool = False,
 ) -> tuple[ToolSegment, ...] | None:
     """Joint paths of all runs of a seam; None where a spline can't be brought into the tolerance.
 
@@ -95,7 +86,6 @@ def segments(
         joints: Configurations there, shape (k, n).
         deviations: Excess allowed of tolerances.
         deadline: Time at which to give up.
-        own_places: Whether to check the tolerance from the tool's own places on the path too.
     """
     finished: list[ToolSegment] = []
     first = 0
@@ -103,10 +93,11 @@ def segments(
         chosen = _knots(places, first, last)
         s = np.append(places.s[chosen[:-1]], 1.0)
         knots = s, joints[chosen]
-        path = _spline_within(checker, places, number, knots, deviations, own_places)
-        if path is None or deadline.passed:
+        run = places.runs[number]
+        segment = follow_through(checker.model.chain, run, knots, deviations, deadline)
+        if segment.stop is not None or deadline.passed:
             return None
-        finished.append(ToolSegment(path, joints[first], joints[last], 1.0, None))
+        finished.append(segment)
         first = last
     return tuple(finished)
 
@@ -127,74 +118,12 @@ def _knots(places: SeamPlaces, first: int, last: int) -> NDArray[np.int64]:
     return np.array([*chosen, last])
 
 
-def _spline_within(
-    checker: Checker,
-    places: SeamPlaces,
-    number: int,
-    knots: tuple[Array, Array],
-    deviations: Tolerances,
-    own_places: bool,
-) -> JointPath | None:
-    """The spline through the configurations of a run, with more of them where it needs them."""
-    chain, run = checker.model.chain, places.runs[number]
-    limits = chain.limits
-    s, q = knots
-    parts = run.parts
-    begins = np.array([part.begin for part in parts])
-    # Share of the deviations allowed that the spline may use.
-    allowed = np.array([0.7 * value for value in deviations.pair])
-    shares = (np.arange(_LOOKS) + 0.5) / _LOOKS
-    # Times that places are put where the spline leaves the tolerance.
-    for _ in range(7):
-        spline = CubicSpline(s, q, bc_type="not-a-knot" if len(s) > 3 else "natural")
-        looks = (s[:-1, None] + np.outer(np.diff(s), shares)).ravel()
-        seen = spline(looks)
-        T = forward(chain, seen)
-        nominal = run.poses(looks)
-        owner = np.searchsorted(begins, looks, side="right") - 1
-        over = np.zeros((len(looks), 2))
-        for tolerance in set(run.tolerances):
-            mine = np.array([t is tolerance for t in run.tolerances])[owner]
-            over[mine] = tolerance.excess(tolerance.deviations(nominal[mine], T[mine]))
-        wrong = (over > allowed).any(axis=1)
-        wrong |= ((seen < limits.lower) | (seen > limits.upper)).any(axis=1)
-        pieces = np.flatnonzero(wrong.reshape(-1, _LOOKS).any(axis=1))
-        if not pieces.size:
-            c = np.ascontiguousarray(np.moveaxis(spline.c[::-1], 0, 2))
-            path = JointPath(c, np.diff(s))
-            # Share that it may use as seen from the places that the tool is at, as the proof
-            # measures.
-            most = 0.95 * np.array(deviations.pair)
-            if own_places and not is_within_at_own_places(run, T, most):
-                return None
-            low, high = Trajectory(chain.joint_names, path.breaks, c).piece_extrema()
-            is_inside = (low >= limits.lower).all() and (high <= limits.upper).all()
-            return path if is_inside else None
-        at = 0.5 * (s[pieces] + s[pieces + 1])
-        more = np.ascontiguousarray(spline(at))
-        where = np.searchsorted(begins, at, side="right") - 1
-        boxes = np.array([pack_tolerance(run.tolerances[k]) for k in where])
-        errors = np.empty((len(at), 2))
-        # Newton steps of a projection.
-        project_kernel(
-            chain.model, run.poses(at), boxes,
-            np.array([limits.lower, limits.upper]), 12, more, errors,
-        )  # fmt: skip
-        if errors.max() > _REACHED:
-            return None
-        s, q = np.insert(s, pieces + 1, at), np.insert(q, pieces + 1, more, axis=0)
-    return None
-
-
-def with_fewer_ranges(places: SeamPlaces, position: float) -> Iterator[tuple[SeamPlaces, bool]]:
+def with_fewer_ranges(places: SeamPlaces, position: float) -> Iterator[SeamPlaces]:
     """The places as asked for, with ranges across the path only, and with exact positions.
 
     Args:
         places: Places of a seam.
         position: Excess allowed of tolerances of position [m].
-
-    Returns:
-        The segments, each with whether the tool may leave its tolerance seen from its own places.
     """
     lower = np.array([tolerance.lower[:RX] for tolerance in places.tolerances])
     upper = np.array([tolerance.upper[:RX] for tolerance in places.tolerances])
@@ -203,15 +132,12 @@ def with_fewer_ranges(places: SeamPlaces, position: float) -> Iterator[tuple[Sea
     largest = np.maximum(np.abs(lower), np.abs(upper))
     # Part of the deviation allowed that a range may have along the path and count as across it.
     across = (along * largest).max(axis=0) <= 0.25 * position
+    yield places
     if not (ranged & ~across).any():
-        yield places, False
         return
-    yield places, True
-    # Deviations that are asked for stay, and may be along the path.
-    asked = bool(((lower > 0.0) | (upper < 0.0))[:, ~across].any())
     if (ranged & across).any():
-        yield _exact(places, ~across), asked
-    yield _exact(places, np.full(RX, True)), asked
+        yield _exact(places, ~across)
+    yield _exact(places, np.full(RX, True))
 
 
 def _axes(places: SeamPlaces) -> Array:
@@ -239,8 +165,7 @@ def _exact(places: SeamPlaces, columns: Array) -> SeamPlaces:
         replace(run, tolerances=tuple(changed[id(t)] for t in run.tolerances))
         for run in places.runs
     )
-    boxes = np.array([pack_tolerance(tolerance) for tolerance in tolerances])
-    return replace(places, runs=runs, tolerances=tolerances, boxes=boxes)
+    return replace(places, runs=runs, tolerances=tolerances)
 
 
 def _without_ranges(tolerance: ToolTolerance, columns: Array) -> ToolTolerance:
@@ -249,35 +174,3 @@ def _without_ranges(tolerance: ToolTolerance, columns: Array) -> ToolTolerance:
     lower[:RX] = np.where(columns, nearest, lower[:RX])
     upper[:RX] = np.where(columns, nearest, upper[:RX])
     return replace(tolerance, lower=lower, upper=upper)
-
-
-def is_within_at_own_places(run: ToolRun, poses: Array, allowed: Array) -> bool:
-    """Whether the tool keeps its tolerances as seen from the places that it is at.
-
-    Args:
-        run: The path, with tolerances.
-        poses: Poses of the tool, in the order in which it passes them, shape (k, 4, 4).
-        allowed: Excess allowed of tolerances [m], [rad], shape (2,).
-    """
-    owner = _owners(run, poses[:, :3, 3])
-    for k in np.unique(owner):
-        T, tolerance = poses[owner == k], run.tolerances[k]
-        nominal = run.motions[k].poses(run.motions[k].places(T[:, :3, 3]))
-        if (tolerance.excess(tolerance.deviations(nominal, T)) > allowed).any():
-            return False
-    return True
-
-
-def _owners(run: ToolRun, points: Array) -> NDArray[np.int64]:
-    """The motion that each point belongs to: up to the plane across the path at its end."""
-    ends = [motion.T_end[:3, 3] for motion in run.motions[:-1]]
-    across = [
-        first.direction(1.0) + second.direction(0.0)
-        for first, second in zip(run.motions[:-1], run.motions[1:], strict=True)
-    ]
-    owners, k = np.zeros(len(points), dtype=np.int64), 0
-    for i, point in enumerate(points):
-        while k < len(ends) and (point - ends[k]) @ across[k] >= 0.0:
-            k += 1
-        owners[i] = k
-    return owners

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.errors import InvalidGoal
-from planning.tool_motions.tool_corner import ToolCurve
 from planning.tool_motions.tool_motion import ToolMotion, arc_via, line, without_spin
 from planning.tool_motions.tool_path import ToolRun
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
-from planning.tool_paths.blending import runs
+from planning.tool_paths.blending import corner_angle, runs
+from planning.tool_paths.projection import pack_tolerance
 
 #: Corners flatter than this are run through without a blend, within the tolerance [rad].
 FLAT_CORNER = math.radians(30.0)
@@ -29,8 +29,7 @@ class SeamPlaces:
         run: Index of the run of each place, of the later one where two meet, shape (k,).
         s: Place on that run, shape (k,).
         nominal: Poses asked for, shape (k, 4, 4).
-        boxes: Tolerances as kernels read them, shape (k, 23).
-        tolerances: Tolerances as values.
+        tolerances: Tolerances there.
         along: Length of the seam up to each place [m], shape (k,).
         turned: Angle that the path turns by up to each place [rad], shape (k,).
         waypoint: Index of the waypoint at or before each place, shape (k,).
@@ -41,12 +40,17 @@ class SeamPlaces:
     run: Indices
     s: Array
     nominal: Array
-    boxes: Array
     tolerances: tuple[ToolTolerance, ...]
     along: Array
     turned: Array
     waypoint: Indices
     ends: tuple[int, ...]
+    boxes: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        # Tolerances as kernels read them, shape (k, 23).
+        packed = {tolerance: pack_tolerance(tolerance) for tolerance in set(self.tolerances)}
+        object.__setattr__(self, "boxes", np.array([packed[one] for one in self.tolerances]))
 
     def layers(self, every: bool = False) -> NDArray[np.int64]:
         """Indices of the places that the search checks: all of them, or some on the way."""
@@ -66,15 +70,6 @@ class SeamPlaces:
     def length(self) -> float:
         """Length of the whole [m]."""
         return float(self.along[-1])
-
-
-def pack_tolerance(tolerance: ToolTolerance) -> Array:
-    """A tolerance as the kernels of seams read it, shape (23,)."""
-    box = np.zeros(23)
-    box[:6], box[6:12], box[12] = tolerance.lower, tolerance.upper, tolerance.tilt
-    if tolerance.axes is not None:
-        box[13], box[14:] = 1.0, tolerance.axes.ravel()
-    return box
 
 
 def seam_runs(options: SeamOptions, blend: float) -> tuple[ToolRun, ...]:
@@ -164,12 +159,6 @@ def _smooth_parts(motions: Sequence[ToolMotion], blends: Sequence[float]) -> lis
     return list(zip(starts, [*starts[1:], len(motions)], strict=True))
 
 
-def corner_angle(first: ToolCurve, second: ToolCurve) -> float:
-    """Angle between the directions in which two motions meet [rad]."""
-    a, b = first.direction(1.0), second.direction(0.0)
-    return math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
-
-
 def _join(parts: Sequence[ToolRun], first: int) -> list[ToolRun]:
     """Runs of motions from the ``first`` on, joined where they meet at flat corners."""
     joined: list[ToolRun] = []
@@ -217,7 +206,6 @@ def seam_places(runs: tuple[ToolRun, ...]) -> SeamPlaces:
     assert last.tolerance is not None
     rows.append((len(runs) - 1, 1.0, last.tolerance, along, turned, last.asked + 1))
     numbers, places, tolerances, lengths, angles, waypoint = zip(*rows, strict=True)
-    packed = {id(tolerance): pack_tolerance(tolerance) for tolerance in set(tolerances)}
     return SeamPlaces(
         runs,
         np.array(numbers),
@@ -225,7 +213,6 @@ def seam_places(runs: tuple[ToolRun, ...]) -> SeamPlaces:
         np.concatenate(
             [run.poses(frozen(places)[np.array(numbers) == k]) for k, run in enumerate(runs)]
         ),
-        np.array([packed[id(tolerance)] for tolerance in tolerances]),
         tolerances,
         frozen(lengths),
         frozen(angles),

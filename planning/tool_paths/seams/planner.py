@@ -15,7 +15,7 @@ from planning.result import Attempt, Failure
 from planning.search.rrt_connect import rrt_connect
 from planning.search.shortcut import shortcut
 from planning.search.straight_line import straight_line
-from planning.tool_motions.tool_motion import ToolMotion, line
+from planning.tool_motions.tool_motion import line
 from planning.tool_motions.tool_path import (
     PartName,
     Stop,
@@ -90,10 +90,12 @@ def plan_in_one_branch(
     found, followed = _search(query, search, tolerances, advise=seam.branch_changes is None)
     if isinstance(followed, Failure):
         return followed
-    ends = _approach_and_retreat(query, seam, followed, tolerances)
-    if isinstance(ends, Failure):
-        return ends
-    before, after = ends
+    before = _beside(query, seam.approach, followed[0].start, "approach", tolerances)
+    if isinstance(before, Failure):
+        return before
+    after = _beside(query, seam.retreat, followed[-1].end, "retreat", tolerances)
+    if isinstance(after, Failure):
+        return after
     parts = (*before.segments, *followed, *after.segments)
     transit = _transit(query, start, parts[0].start)
     if isinstance(transit, Failure):
@@ -118,13 +120,13 @@ def _search(
     for every, density in looks:
         if query.deadline.passed and (unfound or failure):
             break
-        for places, own in with_fewer_ranges(search.places, tolerances.position):
+        for places in with_fewer_ranges(search.places, tolerances.position):
             narrower = replace(search, places=places)
             found = narrower.run(every, density)
             if found.joints is None:
                 unfound.append(found)
                 break
-            followed = _follow(query, narrower, found.joints, tolerances, own)
+            followed = _follow(query, narrower, found.joints, tolerances)
             if not isinstance(followed, Failure):
                 return found, followed
             failure = failure or (found, followed)
@@ -136,14 +138,12 @@ def _search(
 
 
 def _follow(
-    query: Query, search: SeamSearch, joints: Array, tolerances: Tolerances, own_places: bool
+    query: Query, search: SeamSearch, joints: Array, tolerances: Tolerances
 ) -> tuple[ToolSegment, ...] | Failure:
     """Joint paths of the runs, proved free: of the calmer way, or of the one that was found."""
     number, stop = 0, None
     for way in (refine(search, joints), joints):
-        paths = segments(
-            search.checker, search.places, way, tolerances, query.deadline, own_places=own_places
-        )
+        paths = segments(search.checker, search.places, way, tolerances, query.deadline)
         if paths is None:
             continue
         free = [free_part(query.checker, path) for path in paths]
@@ -158,34 +158,24 @@ def _follow(
     )
 
 
-def _approach_and_retreat(
-    query: Query, seam: SeamOptions, path: tuple[ToolSegment, ...], tolerances: Tolerances
-) -> tuple[_Ends, _Ends] | Failure:
-    """The straight motions before and after a seam, in its branch."""
-    none = _Ends((), ())
-    ends = [none, none]
-    for k, (offset, q) in enumerate(((seam.approach, path[0].start), (seam.retreat, path[-1].end))):
-        if offset is None:
-            continue
-        name: PartName = "approach" if k == 0 else "retreat"
-        motion = _offset_motion(query, q, offset, -1.0 if k == 0 else 1.0)
-        segment = follow(query.checker.model.chain, motion, q, tolerances, query.deadline)
-        segment = free_part(query.checker, segment)
-        if segment.stop is not None:
-            return _end_failure(name, segment, segment.stop)
-        if k == 0:
-            motion, segment = line(motion.T_end, motion.T_start), segment.reverse()
-        ends[k] = _Ends((replace(ToolRun.of(motion), name=name),), (segment,))
-    return ends[0], ends[1]
-
-
-def _offset_motion(query: Query, q: Array, offset: StraightOffset, sign: float) -> ToolMotion:
-    """The line from the tool's pose at q along an offset, or against it."""
-    T = forward(query.checker.model.chain, q)
-    direction = offset.direction / np.linalg.norm(offset.direction)
-    if offset.frame == "tool":
-        direction = T[:3, :3] @ direction
-    return line(T, transform(T[:3, :3], T[:3, 3] + sign * offset.distance * direction))
+def _beside(
+    query: Query, offset: StraightOffset | None, q: Array, name: PartName, tolerances: Tolerances
+) -> _Ends | Failure:
+    """The straight motion to the start of a seam, or from its end, at q (n,), in its branch."""
+    if offset is None:
+        return _Ends((), ())
+    chain, T = query.checker.model.chain, forward(query.checker.model.chain, q)
+    way = offset.distance * offset.direction / np.linalg.norm(offset.direction)
+    way = T[:3, :3] @ way if offset.frame == "tool" else way
+    way = -way if name == "approach" else way
+    motion = line(T, transform(T[:3, :3], T[:3, 3] + way))
+    segment = follow(chain, ToolRun.of(motion), q, tolerances, query.deadline)
+    segment = free_part(query.checker, segment)
+    if segment.stop is not None:
+        return _end_failure(name, segment, segment.stop)
+    if name == "approach":
+        motion, segment = line(motion.T_end, motion.T_start), segment.reverse()
+    return _Ends((replace(ToolRun.of(motion), name=name),), (segment,))
 
 
 def _end_failure(name: str, segment: ToolSegment, stop: Stop) -> Failure:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.model.chain import Chain, JointType
 from obstacles.collision.checker import Checker
+from planning.tool_paths.projection import REACHED, project
 from planning.tool_paths.seams.nodes import COARSE, DENSE, TWO_TURNS, Density, Nodes, nodes
 from planning.tool_paths.seams.path import SeamPlaces
 from planning.values.deadline import Deadline
@@ -26,8 +26,6 @@ from planning.values.deadline import Deadline
 _LAYER_JUMP = 0.9
 #: Largest motion of a joint between neighbouring places [rad or m].
 _JUMP = 0.45
-#: Error of a place that counts as reached [m], [rad].
-_REACHED = 1e-6
 _FULL_TURN = 2.0 * np.pi
 
 
@@ -130,156 +128,6 @@ def layer_kernel(layers: Layers, steps: Steps, ways: Ways) -> None:
                     before[j], origin[j] = i, origin[i]
             if before[j] >= 0:
                 best[j] = costs[j] + cheapest
-
-
-@kernel
-def project_kernel(
-    model: Array, nominal: Array, boxes: Array, limits: Array, rounds: int, joints: Array,
-    errors: Array,
-) -> None:  # fmt: skip
-    """Move configurations by the least motion that brings the tool into its tolerances.
-
-    Args:
-        model: ``Chain.model``; the tip is the tool.
-        nominal: Poses asked for, shape (k, 4, 4).
-        boxes: Lower and upper deviations, tilt, whether the axes stand still, and these, shape
-            (k, 23).
-        limits: Lower and upper joint limits, shape (2, n).
-        rounds: Newton steps at most.
-        joints: Configurations, moved, shape (k, n).
-        errors: Errors that are left, position [m] and orientation [rad], written, shape (k, 2).
-    """
-    n = joints.shape[1]
-    J, e, A, D = np.empty((6, n)), np.empty(6), np.empty((3, 3)), np.empty((3, 3))
-    d, S, H = np.empty(6), np.empty((3, 3)), np.empty((6, 6))
-    for k in range(nominal.shape[0]):
-        q, box = joints[k], boxes[k]
-        for i in range(3):
-            for c in range(3):
-                A[i, c] = box[14 + 3 * i + c] if box[13] != 0.0 else nominal[k, i, c]
-        for step in range(rounds + 1):
-            B = frame_and_jacobian_kernel(model, q, -1, J)
-            T = ((B[0], B[1], B[2]), (B[4], B[5], B[6]), (B[8], B[9], B[10]))
-            _deviation(nominal[k], A, T, (B[3], B[7], B[11]), S, D, d)
-            _error(nominal[k], A, T, box, d, S, e)
-            errors[k, 0] = math.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2)
-            errors[k, 1] = math.sqrt(e[3] ** 2 + e[4] ** 2 + e[5] ** 2)
-            # Errors below this are none [m], [rad].
-            if step == rounds or max(errors[k, 0], errors[k, 1]) < 1e-10:
-                break
-            _least_motion(J, e, H)
-            for j in range(n):
-                change = 0.0
-                for i in range(6):
-                    change += J[i, j] * e[i]
-                q[j] = min(max(q[j] + change, limits[0, j]), limits[1, j])
-
-
-@kernel(allocates=False)
-def _deviation(
-    N: Array, A: Array, T: tuple[tuple[float, float, float], ...],
-    p: tuple[float, float, float], S: Array, D: Array, d: Array,
-) -> None:  # fmt: skip
-    """Write the deviation (6,) of a pose from N; S and D are memory (3, 3)."""
-    for i in range(3):
-        d[i] = 0.0
-        for k in range(3):
-            d[i] += A[k, i] * (p[k] - N[k, 3])
-            # S = R_T R_N^T
-            S[i, k] = T[i][0] * N[k, 0] + T[i][1] * N[k, 1] + T[i][2] * N[k, 2]
-    for i in range(3):
-        for k in range(3):
-            D[i, k] = 0.0
-            for a in range(3):
-                for b in range(3):
-                    D[i, k] += A[a, i] * S[a, b] * A[b, k]
-    d[3] = math.atan2(-D[1, 2], D[2, 2])
-    d[4] = math.asin(min(1.0, max(-1.0, D[0, 2])))
-    d[5] = math.atan2(-D[0, 1], D[0, 0])
-
-
-@kernel
-def _error(
-    N: Array, A: Array, T: tuple[tuple[float, float, float], ...], box: Array, d: Array,
-    S: Array, e: Array,
-) -> None:  # fmt: skip
-    """Write the twist (6,) from a pose to the nearest one within the box; S is memory (3, 3)."""
-    c = np.empty(6)
-    for k in range(6):
-        value = d[k]
-        if k >= 3 and math.isfinite(box[k]):
-            middle = 0.5 * (box[k] + box[6 + k])
-            value -= 2.0 * math.pi * math.floor((value - middle) / (2.0 * math.pi) + 0.5)
-        c[k] = min(max(value, box[k]), box[6 + k])
-    # Rounds in which angles are scaled down to a tilt.
-    for _ in range(6):
-        tilt = math.acos(min(1.0, max(-1.0, math.cos(c[3]) * math.cos(c[4]))))
-        if tilt <= box[12]:
-            break
-        c[3] *= box[12] / tilt
-        c[4] *= box[12] / tilt
-    for i in range(3):
-        e[i], e[3 + i] = 0.0, 0.0
-        for k in range(3):
-            e[i] += A[i, k] * (c[k] - d[k])
-    if c[3] == d[3] and c[4] == d[4] and c[5] == d[5]:
-        return
-    ca, sa, cb, sb = math.cos(c[3]), math.sin(c[3]), math.cos(c[4]), math.sin(c[4])
-    cc, sc = math.cos(c[5]), math.sin(c[5])
-    D = (
-        (cb * cc, -cb * sc, sb),
-        (ca * sc + sa * sb * cc, ca * cc - sa * sb * sc, -sa * cb),
-        (sa * sc - ca * sb * cc, sa * cc + ca * sb * sc, ca * cb),
-    )
-    # S = A D A^T, the rotation from the pose asked for to the target; then the target itself.
-    for i in range(3):
-        for k in range(3):
-            S[i, k] = 0.0
-            for a in range(3):
-                for b in range(3):
-                    S[i, k] += A[i, a] * D[a][b] * A[k, b]
-    sine = np.zeros(3)
-    cosine = -1.0
-    for k in range(3):
-        x = S[0, 0] * N[0, k] + S[0, 1] * N[1, k] + S[0, 2] * N[2, k]
-        y = S[1, 0] * N[0, k] + S[1, 1] * N[1, k] + S[1, 2] * N[2, k]
-        z = S[2, 0] * N[0, k] + S[2, 1] * N[1, k] + S[2, 2] * N[2, k]
-        sine[0] += 0.5 * (T[1][k] * z - T[2][k] * y)
-        sine[1] += 0.5 * (T[2][k] * x - T[0][k] * z)
-        sine[2] += 0.5 * (T[0][k] * y - T[1][k] * x)
-        cosine += T[0][k] * x + T[1][k] * y + T[2][k] * z
-    size = math.sqrt(sine[0] ** 2 + sine[1] ** 2 + sine[2] ** 2)
-    scale = math.atan2(size, 0.5 * cosine) / size if size > 1e-15 else 1.0
-    for i in range(3):
-        e[3 + i] = scale * sine[i]
-
-
-@kernel(allocates=False)
-def _least_motion(J: Array, e: Array, H: Array) -> None:
-    """Replace the twist e by (J J^T + damping)^-1 e, by Cholesky's factors in H (6, 6)."""
-    n, trace = J.shape[1], 0.0
-    for i in range(6):
-        for k in range(i + 1):
-            H[i, k] = 0.0
-            for j in range(n):
-                H[i, k] += J[i, j] * J[k, j]
-        trace += H[i, i]
-    for i in range(6):
-        # Damping of a step, as part of the trace of J J^T: arms of five joints have a singular one.
-        H[i, i] += 1e-9 * trace
-        for k in range(i + 1):
-            total = H[i, k]
-            for j in range(k):
-                total -= H[i, j] * H[k, j]
-            H[i, k] = math.sqrt(max(total, 1e-300)) if i == k else total / H[k, k]
-    for i in range(6):
-        for j in range(i):
-            e[i] -= H[i, j] * e[j]
-        e[i] /= H[i, i]
-    for i in range(5, -1, -1):
-        for j in range(i + 1, 6):
-            e[i] -= H[j, i] * e[j]
-        e[i] /= H[i, i]
 
 
 @dataclass(slots=True)
@@ -443,7 +291,7 @@ class SeamSearch:
                     continue
                 moved = rows[beside][:most].copy()
                 errors = self._project(moved, np.full(len(moved), layers[k]), limits)
-                rows[k] = moved[errors.max(axis=1) <= _REACHED]
+                rows[k] = moved[errors.max(axis=1) <= REACHED]
         counts = [len(row) for row in rows]
         return Nodes(
             np.ascontiguousarray(np.concatenate(rows)),
@@ -520,7 +368,7 @@ class SeamSearch:
             [np.interp(k, graph.layers, corners[:, j]) for j in range(self.chain.n)]
         )
         errors = self.project(joints)
-        wrong = errors.max(axis=1) > _REACHED
+        wrong = errors.max(axis=1) > REACHED
         wrong[1:] |= (np.abs(np.diff(joints, axis=0)) > _JUMP).any(axis=1)
         place, hit = int(np.argmax(wrong)) if wrong.any() else -1, None
         if place < 0:
@@ -553,11 +401,8 @@ class SeamSearch:
         return self._project(joints, np.arange(len(joints)), np.array([lower, upper]))
 
     def _project(self, joints: Array, places: NDArray[np.int64], limits: Array) -> Array:
-        errors = np.empty((len(joints), 2))
         nominal, boxes = self.places.nominal[places], self.places.boxes[places]
-        # 12 steps of Newton's method.
-        project_kernel(self.chain.model, nominal, boxes, limits, 12, joints, errors)
-        return errors
+        return project(self.chain, nominal, boxes, limits, joints)
 
     def _unwind(self, corners: Array) -> Array | None:
         """A way without jumps by whole turns, inside the limits; None where there is none."""

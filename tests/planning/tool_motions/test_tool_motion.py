@@ -15,8 +15,9 @@ from planning.tool_motions.tool_motion import (
     arc_via,
     line,
 )
-from planning.tool_motions.tool_path import ToolRun, run_of
+from planning.tool_motions.tool_path import ToolRun
 from planning.tool_motions.tool_tolerance import ToolTolerance, rotations, tilts
+from tests.planning.tool_boxes import clip, deviations, excess
 
 RANDOM = np.random.default_rng(11)
 
@@ -142,10 +143,9 @@ def test_places_are_proportional_to_the_length_of_the_whole() -> None:
     assert RUN.angle == pytest.approx(0.5)
     np.testing.assert_allclose(RUN.breaks, [0.0, BREAK, 1.0])
     assert RUN.kind == "lin"
-    single = run_of(RUN.motions[1], 7)
+    single = ToolRun.of(RUN.motions[1], 7)
     np.testing.assert_array_equal(single.breaks, [0.0, 1.0])
     assert (single.asked, single.kind) == ((7,), "circ")
-    assert run_of(RUN) is RUN
 
 
 def test_poses_are_those_of_the_motion_at_the_place() -> None:
@@ -194,7 +194,7 @@ def test_deviations_are_those_that_poses_were_made_with(fixed: bool) -> None:
     )
     nominal, d = poses(40), DRAWS.uniform(box.lower, box.upper, (40, 6))
     T = box.poses(nominal, d)
-    np.testing.assert_allclose(box.deviations(nominal, T), d, atol=1e-9)
+    np.testing.assert_allclose(deviations(box, nominal, T), d, atol=1e-9)
     D = Rotation.from_euler("XYZ", d[:, 3:]).as_matrix()
     np.testing.assert_allclose(rotations(d[:, 3:]), D, atol=1e-12)
     for k in range(40):
@@ -207,23 +207,23 @@ def test_deviations_are_those_that_poses_were_made_with(fixed: bool) -> None:
 def test_clipping_brings_deviations_inside_and_leaves_those_that_are() -> None:
     box = ToolTolerance.of({"x": (-0.1, 0.2)}, ("rz",), tilt=0.3)
     d = DRAWS.uniform(-1.0, 1.0, (200, 6))
-    clipped = box.clip(d)
+    clipped = clip(box, d)
     assert (tilts(clipped) <= 0.3 + 1e-9).all()
     assert (clipped[:, 0] >= -0.1).all()
     assert (clipped[:, 0] <= 0.2).all()
     assert not clipped[:, 1:3].any()
     np.testing.assert_array_equal(clipped[:, 5], d[:, 5])
-    np.testing.assert_allclose(box.clip(clipped), clipped, atol=1e-12)
-    assert (box.excess(clipped) < 1e-9).all()
-    assert box.excess(d)[:, 0].max() > 0.5
+    np.testing.assert_allclose(clip(box, clipped), clipped, atol=1e-12)
+    assert (excess(box, clipped) < 1e-9).all()
+    assert excess(box, d)[:, 0].max() > 0.5
 
 
 def test_whole_turns_are_no_excess() -> None:
     box = ToolTolerance.of({"rz": (3.0, 3.3)})
     inside = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, -math.pi + 0.05]])
-    assert box.excess(inside).max() < 1e-12
+    assert excess(box, inside).max() < 1e-12
     # Zero is nearer to the upper end, 3.3, by way of a whole turn.
-    assert box.excess(np.zeros((1, 6)))[0, 1] == pytest.approx(2.0 * math.pi - 3.3)
+    assert excess(box, np.zeros((1, 6)))[0, 1] == pytest.approx(2.0 * math.pi - 3.3)
 
 
 def test_tolerances_that_make_no_sense_are_refused() -> None:

@@ -18,7 +18,7 @@ from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.path import JointPath
 from planning.tool_motions.passing_times import passing_times
-from planning.tool_motions.tool_motion import ToolMotion, line
+from planning.tool_motions.tool_motion import line
 from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolRun, ToolSegment
 from planning.tool_motions.tool_tolerance import ToolTolerance
 from planning.tool_paths.tool_deviation import pieces_within, tool_deviations
@@ -68,7 +68,8 @@ def corner(stay: bool = False) -> ToolPath:
     if stay:
         motions.insert(0, line(poses[0], poses[0]))
     checker = Checker.of(ROBOT, Scene())
-    return lead_tool(CHAIN, checker, HOME, motions, TOLERANCES, Deadline.after(60.0))
+    runs = [ToolRun.of(motion, k) for k, motion in enumerate(motions)]
+    return lead_tool(CHAIN, checker, HOME, runs, TOLERANCES, Deadline.after(60.0))
 
 
 def parametrization(method: str) -> TimeParametrization:
@@ -101,8 +102,8 @@ def test_the_tool_rests_at_the_corner_and_keeps_to_its_lines(method: str) -> Non
 def test_a_spline_of_time_gets_more_waypoints_until_it_keeps_to_its_line() -> None:
     tight = replace(corner(), tolerances=Tolerances(2e-6, 2e-5))
     timed = time_tool_path(CHAIN, tight, parametrization("spline"))
-    for (motion, path), part in zip(tight.moving, timed.parts, strict=True):
-        assert isinstance(motion, ToolMotion)
+    for (run, path), part in zip(tight.moving, timed.parts, strict=True):
+        (motion,) = run.motions
         assert part.pieces >= 2 * len(path.lengths)
         poses = forward(CHAIN, part.sample(np.linspace(0.0, part.duration, 1000)))
         assert (tool_deviations(motion, poses) <= tight.tolerances.pair).all()
@@ -121,7 +122,9 @@ def test_a_motion_on_the_spot_takes_no_time() -> None:
 
 def test_where_nothing_moves_the_robot_stays() -> None:
     checker = Checker.of(ROBOT, Scene())
-    still = lead_tool(CHAIN, checker, HOME, [line(T, T)], TOLERANCES, Deadline.after(60.0))
+    still = lead_tool(
+        CHAIN, checker, HOME, [ToolRun.of(line(T, T))], TOLERANCES, Deadline.after(60.0)
+    )
     timed = time_tool_path(CHAIN, still, parametrization("toppra"))
     assert timed.parts == ()
     motion = timed.trajectory(CHAIN)
@@ -140,7 +143,7 @@ def test_only_what_follows_the_path_keeps_a_jerk_limit_at_corners(method: str, k
 def test_a_motion_that_is_stopped_reports_how_far_it_came() -> None:
     path = corner()
     cut = path.segments[1].cut(0.25, HERE)
-    part = ToolPath(path.motions, (path.segments[0], cut), 0.625, HERE, TOLERANCES)
+    part = ToolPath(path.runs, (path.segments[0], cut), 0.625, HERE, TOLERANCES)
     timed = time_tool_path(CHAIN, part, parametrization("toppra"))
     assert [report.fraction for report in timed.reports] == [1.0, 0.25]
     ends: Array = forward(CHAIN, timed.trajectory(CHAIN).end)[:3, 3]

@@ -24,7 +24,7 @@ from planning.result import Failure, Plan
 from planning.timing.options import TimingOptions
 from planning.tool_motions.timed_tool_motions import TimedToolMotions
 from planning.tool_motions.tool_motion import line
-from planning.tool_motions.tool_path import Tolerances
+from planning.tool_motions.tool_path import Tolerances, ToolRun
 from planning.tool_paths.tool_following import follow
 from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, box, builtin, planned_motion, planning_failure
@@ -304,7 +304,9 @@ def test_the_proof_finds_what_is_off() -> None:
     """Another path between the same ends: the deviation it tells is the one of closed form."""
     chain = builtin_chain("panda")
     T = forward(chain, HOME)
-    found = follow(chain, line(T, moved(T, [0, 0.3, 0])), HOME, FREE, Deadline.after(10.0))
+    found = follow(
+        chain, ToolRun.of(line(T, moved(T, [0, 0.3, 0]))), HOME, FREE, Deadline.after(10.0)
+    )
     ends = np.stack([found.start, found.end])
     c = np.stack([ends[0], ends[1] - ends[0]], axis=-1)[None]
     straight = Trajectory(chain.joint_names, np.array([0.0, 1.0]), c)

@@ -118,7 +118,7 @@ NARROW = Tolerances(1e-5, 1e-4)
 
 def test_every_place_of_the_path_is_within_the_tolerances() -> None:
     end = shifted(0.05, 0.3, -0.1)
-    segment = follow(CHAIN, line(T, end), HOME, NARROW, Deadline.after(30.0))
+    segment = follow(CHAIN, ToolRun.of(line(T, end)), HOME, NARROW, Deadline.after(30.0))
     path = segment.path
     assert path is not None
     assert (segment.stop, segment.reached) == (None, 1.0)
@@ -133,7 +133,9 @@ def test_every_place_of_the_path_is_within_the_tolerances() -> None:
 
 
 def test_the_joints_never_jump_and_the_path_is_smooth() -> None:
-    segment = follow(CHAIN, line(T, shifted(0.0, 0.3, 0.0)), HOME, NARROW, Deadline.after(30.0))
+    segment = follow(
+        CHAIN, ToolRun.of(line(T, shifted(0.0, 0.3, 0.0))), HOME, NARROW, Deadline.after(30.0)
+    )
     path = segment.path
     assert path is not None
     places = path.breaks[1:-1]
@@ -155,7 +157,7 @@ def test_where_the_arm_ends_so_does_the_path(
     shift: tuple[float, ...], tolerances: Tolerances, reasons: set[str]
 ) -> None:
     motion = line(T, shifted(*shift))
-    segment = follow(CHAIN, motion, HOME, tolerances, Deadline.after(60.0))
+    segment = follow(CHAIN, ToolRun.of(motion), HOME, tolerances, Deadline.after(60.0))
     assert segment.stop is not None
     assert segment.stop.reason in reasons
     assert 0.0 < segment.reached < 1.0
@@ -166,6 +168,8 @@ def test_where_the_arm_ends_so_does_the_path(
 
 
 def test_time_is_a_reason_too() -> None:
-    segment = follow(CHAIN, line(T, shifted(1.5, 0.0, 0.0)), HOME, NARROW, Deadline.after(0.0))
+    segment = follow(
+        CHAIN, ToolRun.of(line(T, shifted(1.5, 0.0, 0.0))), HOME, NARROW, Deadline.after(0.0)
+    )
     assert segment.stop is not None
     assert segment.stop.reason == "time"

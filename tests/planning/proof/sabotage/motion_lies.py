@@ -175,14 +175,14 @@ def _knots_left_out(sabotage: Sabotage) -> None:
 
 def _poses_beside_the_line(sabotage: Sabotage) -> None:
     """Between its ends a line bulges by two millimetres."""
-    true = ToolMotion.pose
+    true = ToolMotion.poses
 
-    def bulging(self: ToolMotion, s: float) -> Array:
-        T = np.array(true(self, s))
-        T[2, 3] += 2e-3 * np.sin(np.pi * s)
+    def bulging(self: ToolMotion, places: Array) -> Array:
+        T = np.array(true(self, places))
+        T[:, 2, 3] += 2e-3 * np.sin(np.pi * np.asarray(places))
         return T
 
-    sabotage.method(ToolMotion, "pose", bulging)
+    sabotage.method(ToolMotion, "poses", bulging)
     _deviation_unseen(sabotage)
 
 

@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 from kinematics.forward import forward
 from kinematics.pose import transform
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
+from planning.tool_paths.projection import pack_tolerance, project_kernel
 from planning.tool_paths.seams.nodes import COARSE, nodes, sample_deviations
-from planning.tool_paths.seams.path import pack_tolerance, seam_places, seam_runs
-from planning.tool_paths.seams.search import Layers, Steps, Ways, layer_kernel, project_kernel
+from planning.tool_paths.seams.path import seam_places, seam_runs
+from planning.tool_paths.seams.search import Layers, Steps, Ways, layer_kernel
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME
 

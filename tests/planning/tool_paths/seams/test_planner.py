@@ -26,6 +26,8 @@ from planning.tool_motions.tool_tolerance import (
 )
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, box, builtin, planning_failure
+from tests.planning.tool_boxes import deviations as box_deviations
+from tests.planning.tool_boxes import excess
 
 SPEED = 0.1
 SPIN = ToolTolerance.of({}, ("rz",), tilt=0.2)
@@ -328,7 +330,7 @@ def test_ranges_of_position_are_proved_where_the_path_bends(
         places = report.motion.poses(np.linspace(0.0, 1.0, 2001 if is_arc else 201))
         away = np.linalg.norm(T[:, None, :3, 3] - places[None, :, :3, 3], axis=2)
         nominal = places[away.argmin(axis=1)]
-        worst = max(worst, float(wide.excess(wide.deviations(nominal, T))[:, 0].max()))
+        worst = max(worst, float(excess(wide, box_deviations(wide, nominal, T))[:, 0].max()))
     assert worst <= 5e-5
 
 
