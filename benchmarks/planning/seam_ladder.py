@@ -1,0 +1,222 @@
+"""Seams of four kinds of work, followed by four arms and held against a simple ladder.
+
+    python -m benchmarks.planning.seam_ladder [--arms ur5e panda kr6_sixx iiwa14] [--rounds 3]
+        [--kinds spiral raster sphere edge posed] [--only NUMBER]
+
+Each seam is a list of points with the surface's normal (free spin; rasters and edges with a tilt),
+or of full poses. The ladder is the judge of what is possible: of each point twelve spins of the
+free axis by all branches of inverse kinematics (twelve values of a redundant arm's parameter too),
+those inside the limits and free; dynamic programming over the points joins configurations of which
+no joint is farther apart than half a radian, whole turns of joints with two of them left out. A
+seam that the ladder follows and the planner does not is a loss. A motion that is answered is judged
+by pinocchio and python-fcl at dense instants.
+"""
+
+import argparse
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.planning.seams import STARTS, judge, load
+from kinematics.arrays import Array
+from kinematics.ik.closed_form.analytic import branches
+from kinematics.pose import from_axis_angle, from_rpy, transform
+from obstacles.collision.checker import Checker
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.options import CartesianOptions, Options
+from planning.pipeline.pipeline import plan
+from planning.problem import PoseGoal, Problem
+from planning.result import Plan
+from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
+
+KINDS = ("spiral", "raster", "sphere", "edge", "posed")
+ARMS = ("ur5e", "panda", "kr6_sixx", "iiwa14")
+#: Spins of the ladder, and values of a redundant arm's parameter.
+SPINS = 12
+#: Largest step of a joint on the ladder [rad].
+STEP = 0.5
+#: Speed of the tool [m/s].
+SPEED = 0.05
+ALL_STARTS = STARTS | {"iiwa14": [0.0, 0.6, 0.0, -1.5, 0.0, 1.0, 0.0]}
+
+
+class Work(NamedTuple):
+    """A seam of the benchmark.
+
+    Args:
+        name: Arm, kind and round.
+        seam: The request.
+        spins: Whether the spin is free.
+    """
+
+    name: str
+    seam: SeamOptions
+    spins: bool
+
+
+def points_of(kind: str, random: np.random.Generator) -> tuple[Array, Array]:
+    """Points of a seam (k, 3) and the surface's normals there (k, 3), about the origin."""
+    if kind == "spiral":
+        turns, radius = random.uniform(1.5, 3.0), random.uniform(0.06, 0.14)
+        # From 15 mm about the centre on, by steps of 4 mm.
+        first = 0.015 / radius
+        count = int(np.pi * turns * (1.0 + first) * radius / 0.004)
+        s = np.sqrt(np.linspace(first**2, 1.0, count))
+        angle = 2.0 * np.pi * turns * s
+        points = np.column_stack([radius * s * np.cos(angle), radius * s * np.sin(angle), 0.0 * s])
+        return points, np.tile([0.0, 0.0, 1.0], (len(s), 1))
+    if kind == "raster":
+        rows, width, height = 5, random.uniform(0.2, 0.4), random.uniform(0.1, 0.25)
+        bend = random.uniform(-1.0, 1.0)
+        points, normals = [], []
+        for row in range(rows):
+            y = (row / (rows - 1) - 0.5) * height
+            for x in np.linspace(-0.5, 0.5, 24)[:: 1 if row % 2 == 0 else -1] * width:
+                points.append([x, y, 0.5 * bend * x * x])
+                normals.append([-bend * x, 0.0, 1.0])
+        normals_of = np.array(normals)
+        return np.array(points), normals_of / np.linalg.norm(normals_of, axis=1)[:, None]
+    if kind == "sphere":
+        radius, reach = random.uniform(0.1, 0.2), random.uniform(0.5, 1.2)
+        s = np.linspace(0.0, 1.0, 120)
+        a, b = reach * s, 4.0 * np.pi * s
+        out = np.column_stack([np.sin(a) * np.cos(b), np.sin(a) * np.sin(b), np.cos(a)])
+        return radius * out - [0.0, 0.0, radius], out
+    if kind == "edge":
+        size = random.uniform(0.08, 0.2, 2)
+        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.5 * size
+        points, normals = [], []
+        for k in range(3 + int(random.integers(2))):
+            a, b = corners[k % 4], corners[(k + 1) % 4]
+            out = np.array([(b - a)[1], -(b - a)[0], 0.0]) / np.linalg.norm(b - a)
+            for s in np.linspace(0.02, 0.98, 16):
+                points.append([*(a + s * (b - a)), 0.0])
+                normals.append(np.add(out, [0.0, 0.0, 1.0]) / np.sqrt(2.0))
+        return np.array(points), np.array(normals)
+    s = np.linspace(-0.5, 0.5, 40)
+    points = np.column_stack([0.1 * np.sin(3.0 * s), random.uniform(0.2, 0.5) * s, 0.0 * s])
+    return points, np.tile([0.0, 0.0, 1.0], (len(s), 1))
+
+
+def work(arm: str, kind: str, number: int) -> Work:
+    """One seam of a kind in front of an arm."""
+    random = np.random.default_rng([number, KINDS.index(kind), ARMS.index(arm)])
+    points, normals = points_of(kind, random)
+    R = from_rpy([*random.uniform(-0.5, 0.5, 2), random.uniform(-np.pi, np.pi)])
+    out = from_axis_angle([0.0, 0.0, 1.0], random.uniform(-1.2, 1.2))
+    place = out @ [random.uniform(0.38, 0.6), 0.0, random.uniform(0.05, 0.4)]
+    points, normals = points @ R.T + place, normals @ R.T
+    spins = kind != "posed"
+    tilt = {"raster": np.radians(15.0), "edge": np.radians(10.0)}.get(kind)
+    tolerance = ToolTolerance.of({}, ("rz",) if spins else (), tilt)
+    return Work(
+        f"{arm} {kind} {number}",
+        SeamOptions(
+            tuple(
+                SeamWaypoint(_pose(p, n, points[-1] - points[0]), axis_only=spins)
+                for p, n in zip(points, normals, strict=True)
+            ),
+            tolerance,
+            tool_speed=SPEED,
+        ),
+        spins,
+    )
+
+
+def _pose(point: Array, out: Array, along: Array) -> Array:
+    x = along - (along @ out) * out
+    x = x if np.linalg.norm(x) > 1e-6 else np.cross(out, [1.0, 0.0, 0.0])
+    x /= np.linalg.norm(x)
+    return transform(np.column_stack([x, np.cross(-out, x), -out]), point)
+
+
+def ladder(checker: Checker, seam: SeamOptions, start: Array, *, spins: bool) -> bool:
+    """Whether twelve spins and all branches join the points of a seam without a jump."""
+    chain = checker.model.chain
+    angles = np.arange(SPINS) * 2.0 * np.pi / SPINS if spins else np.zeros(1)
+    turns = np.array([transform(from_axis_angle([0.0, 0.0, 1.0], a)) for a in angles])
+    parameters = np.arange(SPINS) * 2.0 * np.pi / SPINS if chain.n > 6 else None
+    lower, upper = chain.limits.lower, chain.limits.upper
+    wide = upper - lower >= 4.0 * np.pi - 1.0
+    before: Array | None = None
+    for point in seam.waypoints:
+        T = np.ascontiguousarray(point.T_base_tip @ turns)
+        table = branches(chain, T, seed_joints=start, parameters=parameters)
+        assert table.counts is not None
+        rows = np.arange(table.table.shape[1])[None] < table.counts[:, None]
+        here = table.joints[rows & table.within_limits]
+        here = _with_turns(here, lower, upper, np.flatnonzero(~wide))
+        if before is not None and len(here):
+            steps = here[:, None] - before[None]
+            steps[..., wide] -= 2.0 * np.pi * np.round(steps[..., wide] / (2.0 * np.pi))
+            here = here[np.abs(steps).max(axis=2).min(axis=1) <= STEP]
+        here = np.array([q for q in here if checker.valid(q)]).reshape(-1, chain.n)
+        if not len(here):
+            return False
+        before = here
+    return True
+
+
+def _with_turns(joints: Array, lower: Array, upper: Array, columns: Array) -> Array:
+    """Configurations with the whole turns of some joints that their limits hold."""
+    for j in columns:
+        more = [joints]
+        for turn in (-2.0 * np.pi, 2.0 * np.pi):
+            moved = joints.copy()
+            moved[:, j] += turn
+            more.append(moved[(moved[:, j] >= lower[j]) & (moved[:, j] <= upper[j])])
+        joints = np.concatenate(more)
+    return joints
+
+
+def ask(robot: RobotGeometry, seam: SeamOptions, start: Array) -> Problem:
+    """The problem of following a seam."""
+    return Problem(robot, Scene(()), start, (PoseGoal(seam.waypoints[-1].T_base_tip),))
+
+
+def main() -> None:
+    """Measure."""
+    parser = argparse.ArgumentParser(description="Seams held against a ladder.")
+    parser.add_argument("--arms", nargs="+", default=list(ARMS), choices=list(ARMS))
+    parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--first", type=int, default=0)
+    chosen = parser.parse_args()
+    times, followed, losses, unclean, total = [], 0, [], 0, 0
+    for name in chosen.arms:
+        arm = load(name)
+        start = np.array(ALL_STARTS[name])
+        for kind in chosen.kinds:
+            for number in range(chosen.first, chosen.first + chosen.rounds):
+                one = work(name, kind, number)
+                how = CartesianOptions(seam=one.seam)
+                began = time.process_time()
+                answer = plan(
+                    ask(arm.robot, one.seam, start),
+                    Options(planner="cartesian", cartesian=how, timeout=20.0),
+                )
+                times.append(time.process_time() - began)
+                total += 1
+                if isinstance(answer, Plan):
+                    verdict = judge(arm, Scene(()), one.seam.waypoints, answer)
+                    unclean += verdict.away > 1.2e-4 or verdict.collides
+                    followed += 1
+                    words = f"{answer.trajectory.duration:.2f} s"
+                else:
+                    words = f"{answer.details.get('reason', answer.code)}: {answer.message}"[:150]
+                    began = time.process_time()
+                    checker = Checker.of(arm.robot, Scene(()))
+                    if ladder(checker, one.seam, start, spins=one.spins):
+                        losses.append(one.name)
+                        words = f"LOST, {words}"
+                print(f"{one.name}: {times[-1]:.2f} s, {words}", flush=True)
+    print(
+        f"{followed} of {total} followed, {unclean} unclean, the ladder follows {len(losses)} more:"
+        f" {losses}; processor time: median {np.median(times):.2f} s, most {max(times):.2f} s"
+    )
+
+
+if __name__ == "__main__":
+    main()
