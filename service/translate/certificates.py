@@ -9,6 +9,7 @@ from planning.proof.premises import Premises
 from planning.proof.tool.tool_speed_band import SpeedUse
 from planning.stops.certificate import StopCertificate
 from service.translate.contacts import allowed_answer
+from service.translate.fields import picked
 from service.translate.problems import plain
 
 
@@ -24,23 +25,12 @@ def certificate_answer(
     """
     answer: dict[str, Any] = {
         "verified": certificate.verified,
-        "proved": {
-            "limits": certificate.proved.limits,
-            "collisions": certificate.proved.collisions,
-            "reasons": list(certificate.proved.reasons),
-        },
+        "proved": asdict(certificate.proved) | {"reasons": list(certificate.proved.reasons)},
         "premises": premises_answer(certificate.premises, scene),
-        "min_clearance": certificate.min_clearance,
-        "clearance_pair": certificate.clearance_pair,
-        "min_obstacle_clearance": certificate.min_obstacle_clearance,
-        "min_self_clearance": certificate.min_self_clearance,
-        "method": certificate.method,
+        **picked(certificate, "min_clearance", "clearance_pair", "min_obstacle_clearance"),
+        **picked(certificate, "min_self_clearance", "method"),
         "limits": {
-            name: {
-                "worst_ratio": report.worst_ratio,
-                "joint": report.joint,
-                "time": report.time + begins,
-            }
+            name: _timed(report, begins, "worst_ratio", "joint", "time")
             for name, report in certificate.limits.items()
         },
         "continuity": dict(certificate.continuity),
@@ -50,39 +40,23 @@ def certificate_answer(
     }
     answer["path_constraint_residual"] = certificate.path_constraint_residual
     answer["path_constraints"] = [
-        {
-            "constraint": report.constraint,
-            "name": report.name,
-            "residual": report.residual,
-            "unit": report.unit,
-            "hard": report.hard,
-            "time": report.time + begins,
-        }
+        _timed(report, begins, "constraint", "name", "residual", "unit", "hard", "time")
         for report in certificate.path_constraints
     ]
     deviation = certificate.path_deviation
     if deviation is not None:
-        answer["path_deviation"] = {
-            "position": deviation.position,
-            "orientation": deviation.orientation,
-            "time": deviation.time + begins,
-            "max_position": deviation.max_position,
-            "max_orientation": deviation.max_orientation,
-        }
+        names = ("position", "orientation", "time", "max_position", "max_orientation")
+        answer["path_deviation"] = _timed(deviation, begins, *names)
     box, speed = certificate.tool_box, certificate.tool_speed
     if box is not None:
-        answer["tool_tolerance"] = {"share": box.share, "time": box.time + begins}
+        answer["tool_tolerance"] = _timed(box, begins, "share", "time")
     if speed is not None:
         bands = [_speed_answer(band) for band in speed.bands] or None
         answer["tool_speed"] = _speed_answer(speed) | {"bands": bands}
     violation = certificate.violation
     if violation is not None:
-        answer["violation"] = {
-            "kind": violation.kind,
-            "time": violation.time + begins,
-            "message": violation.message,
-            **plain(violation.details),
-        }
+        told = _timed(violation, begins, "kind", "time", "message")
+        answer["violation"] = told | plain(violation.details)
     return answer
 
 
@@ -96,7 +70,7 @@ def stops_answer(stops: StopCertificate | None, begins: float = 0.0) -> dict[str
     if stops is None:
         return {}
     worst = stops.worst._asdict() | {"time": stops.worst.time + begins}
-    answer = {name: getattr(stops, name) for name in ("kind", "proved", "longest", "slowed")}
+    answer = picked(stops, "kind", "proved", "longest", "slowed")
     return {"stops": answer | {"worst": worst, "message": stops.message or None}}
 
 
@@ -106,5 +80,10 @@ def premises_answer(premises: Premises, scene: str | Scene | None) -> dict[str, 
     return answer | {name: list(answer[name]) for name in ("attached", "open_meshes")}
 
 
-def _speed_answer(use: SpeedUse) -> dict[str, float]:
-    return {name: getattr(use, name) for name in ("share", "least", "most", "low", "high")}
+def _timed(report: Any, begins: float, *names: str) -> dict[str, Any]:
+    """Fields of a report whose time is counted from another instant on."""
+    return picked(report, *names) | {"time": report.time + begins}
+
+
+def _speed_answer(use: SpeedUse) -> dict[str, Any]:
+    return picked(use, "share", "least", "most", "low", "high")

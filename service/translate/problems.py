@@ -25,6 +25,7 @@ from planning.values.optimize_options import RefineOptions
 from planning.values.preferred_clearance import PreferredClearance
 from service.translate import poses, timings
 from service.translate.constraints import constraint_set
+from service.translate.fields import picked
 from service.translate.seams import seam_options
 
 #: What holds where a request says nothing else.
@@ -87,14 +88,8 @@ def _least_clearance(body: schema.PlanRequest) -> float:
 
 def clearance_answer(report: ClearanceReport) -> dict[str, Any]:
     """Preferred distances, and where a motion does not keep them, on the wire."""
-    return {
-        "preferred": report.preferred,
-        "own_links": report.own_links,
-        "least": report.least,
-        "time_below": report.time_below,
-        "period": report.period,
-        "spans": [asdict(span) for span in report.spans],
-    }
+    told = picked(report, "preferred", "own_links", "least", "time_below", "period")
+    return told | {"spans": [asdict(span) for span in report.spans]}
 
 
 def _rates(given: Sequence[float] | None) -> Array | None:
@@ -209,12 +204,7 @@ def _refine(body: schema.Refine | bool | None) -> RefineOptions | None:
 def stages_answer(stages: Sequence[StageReport]) -> list[dict[str, Any]]:
     """Reports of the stages on the wire."""
     return [
-        {
-            "name": stage.name,
-            "outcome": stage.outcome,
-            "milliseconds": stage.milliseconds,
-            "detail": stage.detail or None,
-        }
+        picked(stage, "name", "outcome", "milliseconds") | {"detail": stage.detail or None}
         for stage in stages
     ]
 

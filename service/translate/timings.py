@@ -20,6 +20,7 @@ from planning.timing.jerk.state_to_state import JointState
 from planning.timing.options import Payload, TimingOptions
 from planning.timing.parametrization import TimingReport
 from planning.values.limits import EffortLimits
+from service.translate.fields import shared
 
 #: What holds where a request says nothing else, and what it may say of its answer alone.
 _USUAL, _NOT_OF_TIMING = TimingOptions(), frozenset({"sample_period"})
@@ -43,29 +44,11 @@ def timing_options(timing: Timing, *, several: bool = False) -> TimingOptions:
         )
     if timing.model_fields_set <= _NOT_OF_TIMING:
         return _USUAL
-    scalings = {
-        name: 1.0 if getattr(timing, name) is None else getattr(timing, name)
-        for name in ("velocity_scaling", "acceleration_scaling", "jerk_scaling")
-    }
+    given = shared(timing, TimingOptions, without=("payload",))
     load = timing.payload
-    ends = timing if isinstance(timing, retime_schema.RetimeTiming) else None
     return TimingOptions(
-        timing.method,
-        solver=timing.solver,
-        **scalings,
-        times=timing.times,
-        scale_times=bool(timing.scale_times),
-        interpolation=timing.interpolation,
-        blend_tolerance=timing.blend_tolerance,
-        torque_limits=bool(timing.torque_limits),
-        payload=None
-        if load is None
-        else Payload(load.mass, load.center_of_mass, load.inertia, load.link),
-        tool_speed=timing.tool_speed,
-        duration=timing.duration,
-        at_least=bool(timing.at_least),
-        start_velocity=ends.start_velocity if ends else None,
-        end_velocity=ends.end_velocity if ends else None,
+        **{name: value for name, value in given.items() if value is not None},
+        payload=None if load is None else Payload(**shared(load, Payload)),
     )
 
 

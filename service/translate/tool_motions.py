@@ -19,6 +19,7 @@ from planning.tool_motions.tool_motion import ToolMotion
 from planning.tool_motions.tool_tolerance import ToolTolerance
 from planning.tool_paths.motions import tool_motion, tool_reference
 from service.translate import poses
+from service.translate.fields import listed, picked
 from service.translate.seams import tolerance
 
 #: Motions that begin this near to where the one before ends begin there [m and 1].
@@ -141,11 +142,7 @@ def tool_motions_answer(reports: Sequence[ToolMotionReport]) -> list[dict[str, A
     return [
         {
             "type": report.kind,
-            "length": report.length,
-            "angle": report.angle,
-            "fraction": report.fraction,
-            "begins": report.begins,
-            "ends": report.ends,
+            **picked(report, "length", "angle", "fraction", "begins", "ends"),
             "motion": report.asked,
             "part": report.part,
             "blend": report.blends,
@@ -198,11 +195,9 @@ def _shape_answer(motion: ToolCurve) -> dict[str, Any]:
 def _arc_answer(motion: ToolMotion) -> dict[str, Any] | None:
     if motion.kind == "lin":
         return None
-    return {"center": motion.center.tolist(), "normal": motion.normal.tolist()}
+    return listed(motion, "center", "normal")
 
 
 def _speed_limit(report: ToolMotionReport) -> dict[str, Any] | None:
     limit = report.speed_limit
-    if limit is None:
-        return None
-    return {"speed": limit.speed, "joint": limit.joint, "quantity": limit.quantity}
+    return None if limit is None else picked(limit, "speed", "joint", "quantity")

@@ -1,6 +1,6 @@
 """Trajectories from wire to domain and back."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,30 @@ def trajectory(body: schema.TrajectoryBody, chain: Chain) -> tuple[Trajectory, f
     times, names = np.array(samples.time), chain.joint_names
     made = interpolate(names, times, rows[0], body.interpolation or "", rows[1], rows[2])
     return made, samples.time[0]
+
+
+def answered_body(motion: Mapping[str, Any]) -> schema.TrajectoryBody:
+    """The motion of an answer as a request has it.
+
+    Args:
+        motion: The field ``trajectory`` of the answer.
+
+    Raises:
+        LookupError: It is no motion.
+        ValueError: It is malformed.
+    """
+    fields = {name: motion[name] for name in ("joint_names", "segments")}
+    return schema.TrajectoryBody.model_validate(fields)
+
+
+def answered_trajectory(motion: Mapping[str, Any], chain: Chain) -> tuple[Trajectory, float]:
+    """The motion of an answer, and when it begins [s]; raises as `answered_body`.
+
+    Args:
+        motion: The field ``trajectory`` of the answer.
+        chain: Chain of the robot.
+    """
+    return trajectory(answered_body(motion), chain)
 
 
 def named_trajectory(body: schema.TrajectoryBody) -> Trajectory:

@@ -36,6 +36,7 @@ from kinematics.velocity import wrenches_of_torques
 from service.endpoints.kinematics.task import task_jacobian, task_vectors
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import builtin_reference
+from service.translate.fields import listed
 from service.translate.payload import loaded_chain
 from service.workers.answer import chain_task, frame_transform, in_frame
 
@@ -113,9 +114,7 @@ def dynamics(chain: Chain, body: DynamicsRequest) -> bytes:
             "coriolis_matrix": coriolis_matrix(robot, q, qd).tolist(),
             "gravity": gravity_vector(robot, q).tolist(),
             "torques": torques.tolist(),
-            "motor_inertia": robot.motor_inertia.tolist(),
-            "viscous_friction": robot.viscous_friction.tolist(),
-            "coulomb_friction": robot.coulomb_friction.tolist(),
+            **listed(robot, "motor_inertia", "viscous_friction", "coulomb_friction"),
             "kinetic_energy": kinetic_energy(robot, q, qd).tolist(),
             "potential_energy": potential_energy(robot, q).tolist(),
             **in_frame(chain, body.frame),

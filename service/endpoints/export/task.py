@@ -10,6 +10,7 @@ from service.endpoints.attached_objects import robot_in_scene
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, trajectories
+from service.translate.fields import shared
 from service.workers import current
 from service.workers.result import TaskProblem
 from service.workers.task import GRACE, task
@@ -26,11 +27,12 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
     chain = worker_cache.chain(robot)
     motion, begins = trajectories.trajectory(body.trajectory, chain)
     cell = robot_in_scene(robot, scene, body, motion.start)
+    given = shared(body, ExportOptions, without=("format",))
     written = write_motion(
         motion,
         cell.robot,
         cell.scene,
-        _options(body),
+        ExportOptions(ExportFormat(body.format), **given),
         margin=body.margin,
         premises=None if body.premises is None else Premises.of_fields(dict(body.premises)),
         different_scene=body.different_scene,
@@ -59,16 +61,3 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
         "certificate": certificate,
     }
     return to_json(answer, inf_nan_mode="null")
-
-
-def _options(body: ExportRequest) -> ExportOptions:
-    return ExportOptions(
-        ExportFormat(body.format),
-        sample_period=body.sample_period,
-        interpolation=body.interpolation,
-        path_tolerance=body.path_tolerance,
-        blend=body.blend,
-        speed=body.speed,
-        name=body.name,
-        frame_id=body.frame_id,
-    )

@@ -36,6 +36,7 @@ from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import poses
 from service.translate.contacts import allowed_answer
+from service.translate.fields import shared
 from service.translate.frames import (
     Frames,
     first_configuration,
@@ -340,15 +341,8 @@ def _solve(query: _Query, pose: Pose) -> IkResult:
 def _follow_gradient(chain: Chain, body: IkRequest, pose: Pose) -> Trace:
     """The way of the gradient method from the seed towards the pose."""
     given = body.gradient or RequestedGradient()
-    options = GradientOptions(
-        rule=given.rule,
-        coordinates=given.coordinates,
-        gain=given.gain,
-        steps=given.steps,
-        form=given.form,
-        duration=given.duration,
-        axes=AXES if body.axes is None else body.axes,
-    )
+    axes = AXES if body.axes is None else body.axes
+    options = GradientOptions(**shared(given, GradientOptions, without=("axes",)), axes=axes)
     return follow(
         chain,
         poses.transform(pose),

@@ -5,7 +5,6 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.plans.plan import ValidateRequest
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
@@ -82,8 +81,7 @@ def _motion(
         asked, cell, problem = question(robot, scene, json.dumps(request).encode())
         chain = cell.robot.chain
         options = problems.options(asked, chain, current.deadline().remaining)
-        fields = {name: answer["trajectory"][name] for name in ("joint_names", "segments")}
-        motion, begins = trajectories.trajectory(TrajectoryBody.model_validate(fields), chain)
+        motion, begins = trajectories.answered_trajectory(answer["trajectory"], chain)
         around = surroundings(problem, options)
     else:
         raise InvalidOption(

@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.plans.plan import PlanRequest, ValidateRequest
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
@@ -70,9 +69,7 @@ def _moves(
     elif operation == "POST /v1/plan" and answer:
         body = with_states(PlanRequest.model_validate(request), geometry.states)
         start = first_configuration(geometry.chain, body.start.joints)
-        fields = {name: answer["trajectory"][name] for name in ("joint_names", "segments")}
-        moved = TrajectoryBody.model_validate(fields)
-        motion, _ = trajectories.trajectory(moved, geometry.chain)
+        motion, _ = trajectories.answered_trajectory(answer["trajectory"], geometry.chain)
         yield motion, robot_in_scene(robot, scene, body, start).robot
     elif operation == "POST /v1/tasks" and answer:
         yield from map(_covered, task_parts(robot, scene, request, answer))

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.plans.plan import PlanRequest, ValidateRequest
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.plans.tour import TourRequest
@@ -205,7 +204,7 @@ def _of_plan(kept: Kept) -> _Shown:
     start = first_configuration(chain, body.start.joints)
     cell = robot_in_scene(kept.robot, kept.scene, body, start)
     if kept.answer:
-        motion = _motion(kept.answer["trajectory"], cell)
+        motion, _ = trajectories.answered_trajectory(kept.answer["trajectory"], chain)
         sentences = [
             f"Planned by {kept.answer['planner']}: {motion.duration:.3f} s.",
             *certificate_sentences(kept.answer["certificate"]),
@@ -295,8 +294,3 @@ def _of_ik(kept: Kept) -> _Shown:
         shown.append(rejected("nearest", details["nearest_joints"], kept.problem["detail"]))
     count = sum(item.verdict == "valid" for item in shown)
     return _Shown(cell, None, shown, [f"{count} of {len(shown)} solutions are valid."], {})
-
-
-def _motion(trajectory: dict[str, Any], cell: RobotInScene) -> Trajectory:
-    fields = {name: trajectory[name] for name in ("joint_names", "segments")}
-    return trajectories.trajectory(TrajectoryBody.model_validate(fields), cell.robot.chain)[0]

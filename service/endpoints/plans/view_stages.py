@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.plans.tour import TourRequest
 from kinematics.trajectory.trajectory import Trajectory
@@ -167,7 +166,7 @@ def _legs(cell: RobotInScene, answer: Mapping[str, Any]) -> list[Part]:
         Part(
             f"{number}: {leg['origin'] or 'start'} to {leg['target'] or 'end'}",
             float(leg["begins"]),
-            _motion(leg["trajectory"], cell.robot),
+            trajectories.answered_trajectory(leg["trajectory"], cell.robot.chain)[0],
             cell.robot,
             cell.scene,
             None,
@@ -229,10 +228,10 @@ def _stage_part(stage: Mapping[str, Any], cell: StageCell) -> Part:
     return Part(
         _label(stage),
         float(stage["begins"]),
-        _motion(stage["trajectory"], cell.last.robot),
+        trajectories.answered_trajectory(stage["trajectory"], cell.last.robot.chain)[0],
         cell.first.robot,
         cell.first.scene,
-        None if moved is None else trajectories.named_trajectory(_body(moved)),
+        None if moved is None else trajectories.named_trajectory(trajectories.answered_body(moved)),
         cell.last.robot,
     )
 
@@ -257,18 +256,6 @@ def _carriers(
                 link = chain.link(held["link"])
                 joint, T = link.joint, link.T_joint_link @ told_transform(held["pose"])
         yield carrier_document(Carrier(float(stage["begins"]), joint, T))
-
-
-def _motion(trajectory: Mapping[str, Any], robot: RobotGeometry) -> Trajectory:
-    return trajectories.trajectory(_body(trajectory), robot.chain)[0]
-
-
-def _body(trajectory: Mapping[str, Any]) -> TrajectoryBody:
-    fields = {name: trajectory[name] for name in ("joint_names", "segments")}
-    return TrajectoryBody.model_validate(fields)
-
-
-# --------------------------------------------------------------------------------- the words
 
 
 def _marks(parts: Sequence[Part]) -> list[dict[str, Any]]:

@@ -5,7 +5,6 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from armwright_wire.motions.trajectory import TrajectoryBody
 from kinematics.errors import InvalidOption
 from service.endpoints.plan.task import plan_witness, question, validate
 from service.storage.caches.cache_key import Reference
@@ -47,8 +46,6 @@ def _of_plan(
     robot: Reference, scene: Reference | None, request: bytes, answer: dict[str, Any]
 ) -> dict[str, Any]:
     body, cell, problem = question(robot, scene, request)
-    fields = {name: answer["trajectory"][name] for name in ("joint_names", "segments")}
-    moved = TrajectoryBody.model_validate(fields)
-    motion, _ = trajectories.trajectory(moved, cell.robot.chain)
+    motion, _ = trajectories.answered_trajectory(answer["trajectory"], cell.robot.chain)
     options = problems.options(body, cell.robot.chain, current.deadline().remaining)
     return plan_witness(problem, options, motion)

@@ -21,6 +21,7 @@ from service.endpoints.reach.picture import HIGH, LOW
 from service.endpoints.tasks.translation import reach_tolerance
 from service.storage.caches.cache_key import Reference
 from service.translate import poses
+from service.translate.fields import listed
 from service.workers import current
 from service.workers.answer import in_frame
 from service.workers.result import TaskProblem
@@ -220,9 +221,7 @@ def _answer(
         "count": found.completed,
         "reached": int(found.is_reached.sum()),
         "statuses": [status.name.lower() for status in Status],
-        "status": found.status.tolist(),
-        "branches": found.branches.tolist(),
-        "samples": found.samples.tolist(),
+        **listed(found, "status", "branches", "samples"),
         "manipulability": found.manipulability.round(_DIGITS).tolist(),
         "clearance": found.clearance.round(_DIGITS).tolist(),
         "limit_distance": found.limit_distance.round(_DIGITS).tolist(),

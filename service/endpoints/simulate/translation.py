@@ -23,6 +23,7 @@ from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from service.endpoints.simulate.controllers import controller_answer
+from service.translate.fields import listed, picked
 from service.translate.payload import loaded_chain
 from service.translate.robots.motors import domain_motors
 from tracking.controllers.adaptive import Adaptive
@@ -252,13 +253,10 @@ def options(body: schema.SimulateRequest, trajectory: Trajectory) -> SimulationO
         relative = min(relative, _TUBE_RELATIVE_TOLERANCE)
         absolute = min(absolute, _TUBE_ABSOLUTE_TOLERANCE)
     return SimulationOptions(
-        duration=body.duration,
-        sample_period=body.sample_period,
-        control_period=body.control_period,
+        **picked(body, "duration", "sample_period", "control_period"),
         relative_tolerance=relative,
         absolute_tolerance=absolute,
-        saturate=body.saturate,
-        settling_tolerance=body.settling_tolerance,
+        **picked(body, "saturate", "settling_tolerance"),
         max_evaluations=evaluations,
         tube=body.scene is not None,
         stops=None if body.joint_stops is None else JointStops(**body.joint_stops.model_dump()),
@@ -304,8 +302,7 @@ def simulation_answer(
         "outcome": _OUTCOMES[result.outcome],
         "advice": result.outcome.value,
         "time": (result.times + begins).tolist(),
-        "position": result.position.tolist(),
-        "velocity": result.velocity.tolist(),
+        **listed(result, "position", "velocity"),
         "reference": {
             "position": result.reference_position.tolist(),
             "velocity": result.reference_velocity.tolist(),
@@ -313,9 +310,7 @@ def simulation_answer(
         "torque": result.torque.tolist(),
         "voltage": None if motors is None else _voltages(motors, result.torque).tolist(),
         "saturated": result.saturated.any(axis=1).tolist(),
-        "tracking_error": result.tracking_error.tolist(),
-        "lyapunov": result.lyapunov.tolist(),
-        "lyapunov_rate": result.lyapunov_rate.tolist(),
+        **listed(result, "tracking_error", "lyapunov", "lyapunov_rate"),
         "estimate": None if adaptive is None else result.estimate.tolist(),
         "true_parameters": None if adaptive is None else adaptive.parameters.of(robot).tolist(),
         "max_tracking_error": float(result.max_tracking_error.max()),
@@ -323,9 +318,7 @@ def simulation_answer(
         "settled": result.settled,
         "settling_time": None if settling is None else settling + begins,
         "controller": controller_answer(used),
-        "motor_inertia": robot.motor_inertia.tolist(),
-        "viscous_friction": robot.viscous_friction.tolist(),
-        "coulomb_friction": robot.coulomb_friction.tolist(),
+        **listed(robot, "motor_inertia", "viscous_friction", "coulomb_friction"),
         "tube": None,
         "notes": [],
         "integration": {

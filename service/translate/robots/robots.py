@@ -33,6 +33,7 @@ from obstacles.robots.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.robots.touching_pairs import suspected_pairs
 from service.translate import poses
+from service.translate.fields import picked
 from service.translate.robots import limits as robot_limits
 from service.translate.robots.motors import reflected, robot_motors, with_robot_motors
 
@@ -288,8 +289,7 @@ def robot_answer(
         limits=schema.Limits(**limits),
         links=[link.name for link in chain.links],
         frame=chain.root_link,
-        base_link=chain.base_link,
-        tip_link=chain.tip_link,
+        **picked(chain, "base_link", "tip_link"),
         states={name: q.tolist() for name, q in geometry.states.items()},
         default_limits=None if body is None else body.default_limits,
         held=None if body is None else body.held,
@@ -364,12 +364,7 @@ def _row_answer(
         for rows in (row.center_of_mass, row.inertia)
     )
     return schema.DhRowAnswer(
-        type=row.type,
-        a=row.a,
-        alpha=row.alpha,
-        d=row.d,
-        theta=row.theta,
-        beta=row.beta,
+        **picked(row, "type", "a", "alpha", "d", "theta", "beta"),
         **{name: None if value is None else _finite(value) for name, value in values.items()},
         mass=row.mass,
         center_of_mass=center,
