@@ -9,7 +9,6 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from obstacles.projection.projection import project_kernel
 from obstacles.projection.projection_arrays import ProjectionArrays
-from planning.field.control_points import control_points_kernel
 
 #: On a surface nothing points out of it: there the distance itself is differentiated [m].
 ON_SURFACE = 1e-9
@@ -163,71 +162,3 @@ def smallest_force_kernel(
         terms, levers = max(terms, term), max(levers, lever)
     # A joint force below a trillionth of forces times levers is their rounding.
     return max(tolerance * terms, 1e-12 * levers)
-
-
-class FieldModel(NamedTuple):
-    """A field for the kernels: the arm, its control points, the obstacles and the goal.
-
-    Args:
-        chain: ``Chain.model`` of the arm.
-        points: The control points.
-        obstacles: The obstacles, packed.
-        goal: Configuration of the goal, shape (n,) [rad or m].
-        joint_weight: k of the pull in joint space [N m].
-    """
-
-    chain: Array
-    points: FieldArrays
-    obstacles: ProjectionArrays
-    goal: Array
-    joint_weight: float
-
-
-@kernel
-def evaluate_kernel(
-    field: FieldModel, q: Array, tolerance: float, joint_force: Array
-) -> tuple[float, float]:
-    """U at q (n,) and the joint force that counts as none there; -grad U into ``joint_force``.
-
-    Args:
-        field: The potential.
-        q: Configuration, shape (n,) [rad or m].
-        tolerance: Share of the terms that the joint force is the sum of.
-        joint_force: -grad U is written here, shape (n,) [N m or N].
-    """
-    m, n = field.points.joints.shape[0], q.shape[0]
-    owners = field.obstacles.owners
-    o = owners[-1] + 1 if owners.shape[0] > 0 else 0
-    points, jacobians = np.empty((m, 3)), np.empty((m, 3, n))
-    pulls, pushes = np.empty((m, 3)), np.empty((m, 3))
-    projections, distances = np.empty((m, o, 3)), np.empty((m, o))
-    control_points_kernel(
-        field.chain, field.points.joints, field.points.places, q, points, jacobians
-    )
-    potential = attraction_kernel(field.points, points, pulls)
-    within = field.points.radii + field.points.reach
-    potential += repulsion_kernel(
-        field.points, field.obstacles, points, within, projections, distances, pushes
-    )
-    force_kernel(jacobians, pulls, pushes, joint_force)
-    spring = np.empty(n)
-    for j in range(n):
-        e = field.goal[j] - q[j]
-        potential += 0.5 * field.joint_weight * e * e
-        spring[j] = field.joint_weight * e
-        joint_force[j] += spring[j]
-    return potential, smallest_force_kernel(jacobians, pulls, pushes, spring, tolerance)
-
-
-@kernel
-def value_kernel(field: FieldModel, q: Array, joint_force: Array) -> float:
-    """U at q (n,); -grad U is written into ``joint_force`` (n,)."""
-    potential, _ = evaluate_kernel(field, q, 0.0, joint_force)
-    return potential
-
-
-@kernel
-def vanishing_force_kernel(field: FieldModel, q: Array, tolerance: float) -> float:
-    """The joint force at q (n,) that counts as none [N m or N]; see ``evaluate_kernel``."""
-    _, no_force = evaluate_kernel(field, q, tolerance, np.empty(q.shape[0]))
-    return no_force

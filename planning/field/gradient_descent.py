@@ -1,24 +1,18 @@
-"""Steps down a potential, each of them proved free before it is taken, in one kernel."""
+"""Steps down a potential, each of them proved free before it is taken."""
 
-import math
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
 from compiled.kernel import kernel
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array
 from obstacles.collision.edge_check import FREE, Cubic, certify_in
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays
-from obstacles.collision.state_check import blocked_at, verdict_in
 from planning.constraints.edge_bounds import EDGE_CELLS, EdgeVerdict, edge_kernel
-from planning.field.field_kernels import (
-    FieldModel,
-    evaluate_kernel,
-    value_kernel,
-    vanishing_force_kernel,
-)
+from planning.field.potential import Field, Slope
+from planning.values.deadline import Deadline
 
 
 class Outcome(IntEnum):
@@ -42,34 +36,9 @@ class Outcome(IntEnum):
 GROWTH = 1.5
 #: An adaptive step is not halved below this: it could not lower the potential by its rounding
 #: [rad or m].
-SHORTEST = 1e-12
+_SHORTEST = 1e-12
 #: Length of a move that ``_move`` did not find, because every proved one leads higher.
-UPHILL = -1.0
-
-
-class Gauge(IntEnum):
-    """Entry of ``Track.gauges``."""
-
-    #: The next adaptive step [rad or m].
-    STEP = 0
-    #: The lowest potential so far [J].
-    LOWEST = 1
-    #: Share of the straight line to the goal that is left where it was last blocked, or -1.
-    LINE_BLOCKED = 2
-    #: The joint force that counts as none at the last configuration, -1 where it is to be computed
-    #: [N m or N].
-    NO_FORCE = 3
-
-
-class Count(IntEnum):
-    """Entry of ``Track.counts``."""
-
-    #: Configurations that were visited.
-    VISITED = 0
-    #: Steps that were taken.
-    ITERATIONS = 1
-    #: Steps in a row without progress.
-    STALE = 2
+_UPHILL = -1.0
 
 
 class Proof(NamedTuple):
@@ -114,74 +83,146 @@ class Rules(NamedTuple):
     force_tolerance: float
 
 
-class Track(NamedTuple):
-    """The configurations of a descent, with a capacity of c.
+class Descent:
+    """A descent, and the configurations that it visits.
 
     Args:
-        visited: Configurations, shape (c, n) [rad or m].
-        potentials: U at each, shape (c,) [J].
-        force: -grad U at the last one, shape (n,) [N m or N].
-        gauges: STEP, LOWEST, LINE_BLOCKED and NO_FORCE, shape (4,).
-        counts: VISITED, ITERATIONS and STALE, shape (3,).
-    """
-
-    visited: Array
-    potentials: Array
-    force: Array
-    gauges: Array
-    counts: Indices
-
-
-@kernel
-def descend_kernel(
-    proof: Proof,
-    rules: Rules,
-    field: FieldModel,
-    track: Track,
-    until: int,
-    across: Array,
-    walk: int,
-) -> int:
-    """Descend until ``until`` steps were taken; the outcome.
-
-    Args:
+        field: The potential.
         proof: Conditions of every step.
         rules: Parameters of the descent.
-        field: The potential.
-        track: The configurations so far; new ones are appended.
-        until: Steps, those of earlier calls counted.
-        across: Direction of a random walk to begin with, shape (n,), its largest entry 1.
-        walk: Longest steps of that walk, which ends before one that is not proved.
+        start: Configuration that it begins at, shape (n,) [rad or m].
+
+    Attributes:
+        visited: Configurations so far, each (n,).
+        potentials: U at each of them [J].
+        slope: The potential at the last of them.
+        iterations: Steps that were taken.
+        step: The next adaptive step [rad or m].
     """
-    work, counts, gauges = workspace(proof.model), track.counts, track.gauges
-    if walk > 0:
-        gauges[Gauge.STEP], gauges[Gauge.LOWEST], counts[Count.STALE] = rules.longest, np.inf, 0
-    for _ in range(walk):
-        if _move(proof, work, rules, field, track, across, rules.longest, np.inf) == 0.0:
-            break
-    while True:
-        if _reaches_goal(proof, work, rules, field, track):
-            return Outcome.ARRIVED
-        if counts[Count.ITERATIONS] >= until:
-            return Outcome.GOING
-        potential = track.potentials[counts[Count.VISITED] - 1]
-        is_progress = potential < (1.0 - rules.progress) * gauges[Gauge.LOWEST]
-        counts[Count.STALE] = 0 if is_progress else counts[Count.STALE] + 1
-        gauges[Gauge.LOWEST] = min(gauges[Gauge.LOWEST], potential)
-        outcome = _descend(proof, work, rules, field, track)
-        if outcome != Outcome.GOING:
-            return outcome
 
+    def __init__(self, field: Field, proof: Proof, rules: Rules, start: Array) -> None:
+        self.field, self.proof, self.rules = field, proof, rules
+        self.visited: list[Array] = []
+        self.potentials: list[float] = []
+        self.iterations, self.step = 0, rules.longest
+        self._work = workspace(proof.model)
+        self._lowest, self._stale = np.inf, 0
+        # Share of the straight line to the goal that is left where it was last blocked.
+        self._line_blocked: float | None = None
+        self._visit(np.array(start, dtype=np.float64))
 
-@kernel
-def keep_kernel(track: Track, q: Array, potential: float, force: Array) -> None:
-    """Append a configuration q (n,) with its potential and its force (n,)."""
-    at = track.counts[Count.VISITED]
-    track.visited[at] = q
-    track.potentials[at] = potential
-    track.force[:] = force
-    track.gauges[Gauge.NO_FORCE] = -1.0
-    track.counts[Count.VISITED] = at + 1
+    def run(
+        self, most: int, deadline: Deadline, across: Array | None = None, walk: int = 0
+    ) -> Outcome | None:
+        """Walk, then descend until that ends; the outcome, None where the time is up first.
+
+        Args:
+            most: Steps, those of earlier runs counted, after which it stops.
+            deadline: The end of all of it.
+            across: Direction of a walk to begin with, shape (n,), its largest entry 1.
+            walk: Longest steps of that walk, which ends before one that is not proved.
+        """
+        rules = self.rules
+        if across is not None and walk > 0:
+            self.step, self._lowest, self._stale = rules.longest, np.inf, 0
+            for _ in range(walk):
+                if self._move(across, rules.longest, np.inf) == 0.0:
+                    break
+        while not deadline.passed:
+            if self._reaches_goal():
+                return Outcome.ARRIVED
+            if self.iterations >= most:
+                return Outcome.GOING
+            potential = self.potentials[-1]
+            is_progress = potential < (1.0 - rules.progress) * self._lowest
+            self._stale = 0 if is_progress else self._stale + 1
+            self._lowest = min(self._lowest, potential)
+            outcome = self._take_step()
+            if outcome != Outcome.GOING:
+                return outcome
+        return None
+
+    @property
+    def is_at_minimum(self) -> bool:
+        """Whether the force vanishes at the last configuration, but for joints at their limits."""
+        return float(np.abs(self._free_force()).max()) <= self.slope.least_force
+
+    def _visit(self, q: Array, slope: Slope | None = None) -> None:
+        self.slope = slope or self.field.slope(q, self.rules.force_tolerance)
+        self.visited.append(q)
+        self.potentials.append(self.slope.potential)
+
+    def _is_free(self, a: Array, b: Array, outcome: Array) -> bool:
+        return bool(is_free_kernel(self.proof, self._work, a, b, outcome))
+
+    def _free_force(self) -> Array:
+        """The joint force (n,) without what pushes joints beyond limits that they stand at."""
+        q, force, rules = self.visited[-1], self.slope.joint_force, self.rules
+        held = ((q <= rules.lower) & (force < 0.0)) | ((q >= rules.upper) & (force > 0.0))
+        return np.where(held, 0.0, force)
+
+    def _reaches_goal(self) -> bool:
+        """Whether the goal is near enough, or in reach of a proved straight motion."""
+        q, goal = self.visited[-1], self.field.goal
+        away = float(np.linalg.norm(goal - q))
+        if not (self.rules.connect or away < self.rules.tolerance):
+            return False
+        outcome = np.array([1.0, 0.0, 0.0, 0.0])
+        if self._line_blocked is not None:
+            # Where the line was blocked a step before, it mostly still is: one state tells it.
+            blocked = goal + self._line_blocked * (q - goal)
+            if not self._is_free(blocked, blocked, outcome):
+                return False
+        if not self._is_free(q, goal, outcome):
+            self._line_blocked = 1.0 - float(outcome[0])
+            return False
+        if len(self.visited) == 1 or away > 0.0:
+            self._visit(goal)
+        return True
+
+    def _take_step(self) -> Outcome:
+        """Take one step along the force: GOING, or why there is none."""
+        rules, force = self.rules, self._free_force()
+        strength = float(np.abs(force).max())
+        if strength <= self.slope.least_force:
+            return Outcome.MINIMUM
+        if self._stale >= rules.patience:
+            return Outcome.STALLED
+        direction = force / strength
+        if len(rules.sizes):
+            size = float(rules.sizes[min(self.iterations, len(rules.sizes) - 1)])
+            moved = self._move(direction, min(size * strength, rules.longest), np.inf)
+            return Outcome.GOING if moved > 0.0 else Outcome.BLOCKED
+        moved = self._move(direction, self.step, self.potentials[-1])
+        self.step = min(GROWTH * (moved if moved > 0.0 else self.step), rules.longest)
+        if moved == _UPHILL:
+            return Outcome.KINK
+        return Outcome.GOING if moved > 0.0 else Outcome.BLOCKED
+
+    def _move(self, direction: Array, reach: float, highest: float) -> float:
+        """Move by ``reach`` at most, halved until that is proved and lower than ``highest``.
+
+        Returns:
+            Length of the move of the joint that moves most [rad or m]; 0 where none is proved after
+            all halvings, ``_UPHILL`` where all that are proved lead higher.
+        """
+        q, rules, outcome = self.visited[-1], self.rules, np.empty(4)
+        unproved, missed = 0, 0.0
+        while unproved <= rules.halvings:
+            moved = np.minimum(np.maximum(q + reach * direction, rules.lower), rules.upper)
+            if (moved != q).any() and self._is_free(q, moved, outcome):
+                slope = self.field.slope(moved, rules.force_tolerance)
+                if slope.potential < highest:
+                    self._visit(moved, slope)
+                    self.iterations += 1
+                    return reach
+                if reach < _SHORTEST:
+                    return _UPHILL
+                missed = _UPHILL
+            else:
+                unproved += 1
+            reach /= 2.0
+        return missed
 
 
 @kernel
@@ -203,127 +244,3 @@ def is_free_kernel(proof: Proof, work: Workspace, a: Array, b: Array, outcome: A
     # A step whose proof needs more than 800 intervals grazes something all along.
     verdict = certify_in(proof.model, work, line, proof.slack, 800, outcome)
     return bool(verdict == FREE)
-
-
-@kernel
-def _is_free_state(proof: Proof, work: Workspace, q: Array) -> bool:
-    """``is_free_kernel`` of the motion that stays in q (n,)."""
-    if proof.rows.shape[0] > 0:
-        return is_free_kernel(proof, work, q, q, np.empty(4))
-    asked = np.empty(1, dtype=np.int64)
-    return bool(verdict_in(proof.model, work, q, proof.slack, asked) == FREE)
-
-
-@kernel
-def _reaches_goal(
-    proof: Proof, work: Workspace, rules: Rules, field: FieldModel, track: Track
-) -> bool:
-    q, goal = track.visited[track.counts[Count.VISITED] - 1].copy(), field.goal.copy()
-    away = 0.0
-    for j in range(q.shape[0]):
-        away += (goal[j] - q[j]) ** 2
-    if not (rules.connect or math.sqrt(away) < rules.tolerance):
-        return False
-    share = track.gauges[Gauge.LINE_BLOCKED]
-    if share >= 0.0:
-        # Where the line was blocked a step before, it mostly still is: one state tells it.
-        blocked = goal + share * (q - goal)
-        if not _is_free_state(proof, work, blocked):
-            return False
-    asked = np.empty(1, dtype=np.int64)
-    # The straight line to the goal is checked at the ends of its eighths before it is proved.
-    blocked_share = blocked_at(proof.model, work, q, goal, proof.slack, 2, 8, asked)
-    if blocked_share >= 0.0:
-        track.gauges[Gauge.LINE_BLOCKED] = 1.0 - blocked_share
-        return False
-    outcome = np.array([1.0, 0.0, 0.0, 0.0])
-    if not is_free_kernel(proof, work, q, goal, outcome):
-        track.gauges[Gauge.LINE_BLOCKED] = 1.0 - outcome[0]
-        return False
-    if track.counts[Count.VISITED] == 1 or away > 0.0:
-        force = np.empty(q.shape[0])
-        keep_kernel(track, goal, value_kernel(field, goal, force), force)
-    return True
-
-
-@kernel
-def free_force_kernel(force: Array, q: Array, rules: Rules) -> Array:
-    """The joint force (n,) without what pushes joints of q (n,) beyond limits they stand at."""
-    free = force.copy()
-    for j in range(q.shape[0]):
-        held = (q[j] <= rules.lower[j] and force[j] < 0.0) or (
-            q[j] >= rules.upper[j] and force[j] > 0.0
-        )
-        if held:
-            free[j] = 0.0
-    return free
-
-
-@kernel
-def _descend(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, track: Track) -> int:
-    """Take one step along the force: GOING, or why there is none."""
-    gauges, counts = track.gauges, track.counts
-    q = track.visited[counts[Count.VISITED] - 1]
-    force = free_force_kernel(track.force, q, rules)
-    strength = 0.0
-    for j in range(force.shape[0]):
-        strength = max(strength, abs(force[j]))
-    if gauges[Gauge.NO_FORCE] < 0.0:
-        gauges[Gauge.NO_FORCE] = vanishing_force_kernel(field, q, rules.force_tolerance)
-    if strength <= gauges[Gauge.NO_FORCE]:
-        return Outcome.MINIMUM
-    if counts[Count.STALE] >= rules.patience:
-        return Outcome.STALLED
-    direction, adaptive = force / strength, rules.sizes.shape[0] == 0
-    if not adaptive:
-        size = rules.sizes[min(counts[Count.ITERATIONS], rules.sizes.shape[0] - 1)]
-        reach = min(size * strength, rules.longest)
-        taken = _move(proof, work, rules, field, track, direction, reach, np.inf)
-        return Outcome.GOING if taken > 0.0 else Outcome.BLOCKED
-    reach, highest = gauges[Gauge.STEP], track.potentials[counts[Count.VISITED] - 1]
-    taken = _move(proof, work, rules, field, track, direction, reach, highest)
-    gauges[Gauge.STEP] = min(GROWTH * (taken if taken > 0.0 else reach), rules.longest)
-    if taken == UPHILL:
-        return Outcome.KINK
-    return Outcome.GOING if taken > 0.0 else Outcome.BLOCKED
-
-
-@kernel
-def _move(
-    proof: Proof,
-    work: Workspace,
-    rules: Rules,
-    field: FieldModel,
-    track: Track,
-    direction: Array,
-    reach: float,
-    highest: float,
-) -> float:
-    """Move by ``reach`` at most, halved until that is proved and lower than ``highest``.
-
-    Returns:
-        Length of the move of the joint that moves most [rad or m]; 0 where none is proved after all
-        halvings, UPHILL where all that are proved lead higher.
-    """
-    q = track.visited[track.counts[Count.VISITED] - 1].copy()
-    moved, force, outcome = np.empty(q.shape[0]), np.empty(q.shape[0]), np.empty(4)
-    unproved, missed = 0, 0.0
-    while unproved <= rules.halvings:
-        away = 0.0
-        for j in range(q.shape[0]):
-            moved[j] = min(max(q[j] + reach * direction[j], rules.lower[j]), rules.upper[j])
-            away = max(away, abs(moved[j] - q[j]))
-        if away > 0.0 and is_free_kernel(proof, work, q, moved, outcome):
-            potential, no_force = evaluate_kernel(field, moved, rules.force_tolerance, force)
-            if potential < highest:
-                keep_kernel(track, moved, potential, force)
-                track.gauges[Gauge.NO_FORCE] = no_force
-                track.counts[Count.ITERATIONS] += 1
-                return reach
-            if reach < SHORTEST:
-                return UPHILL
-            missed = UPHILL
-        else:
-            unproved += 1
-        reach /= 2.0
-    return missed

@@ -29,7 +29,6 @@ from planning.field.field_kernels import (
     NUDGE,
     ON_SURFACE,
     FieldArrays,
-    FieldModel,
     attraction_kernel,
     force_kernel,
     repulsion_kernel,
@@ -63,6 +62,20 @@ class FieldValue:
     nearest: Indices
 
 
+class Slope(NamedTuple):
+    """The potential at a configuration, and where it falls.
+
+    Args:
+        potential: U [J].
+        joint_force: -grad_q U, shape (n,) [N m or N].
+        least_force: The joint force that counts as none there [N m or N].
+    """
+
+    potential: float
+    joint_force: Array
+    least_force: float
+
+
 class Field:
     """The potential of an arm on its way to a goal among obstacles.
 
@@ -90,7 +103,7 @@ class Field:
         self._chain = chain
         self._where = where
         self._obstacles = obstacles
-        self._goal = goal
+        self.goal = np.array(goal, dtype=np.float64)
         self._joint_weight = joint_weight
         attractive, repulsive = weights.each(len(where))
         self._arrays = FieldArrays(
@@ -103,23 +116,6 @@ class Field:
             cap=float(weights.attractive_cap),
             reach=float(weights.influence_distance),
             least=float(weights.least_distance),
-        )
-
-    @property
-    def model(self) -> FieldModel:
-        """The field for the kernels, whose projections are closed forms.
-
-        Raises:
-            TypeError: The projections are FCL's.
-        """
-        if isinstance(self._obstacles, FclProjector):
-            raise TypeError("kernels do not call FCL")
-        return FieldModel(
-            chain=self._chain.model,
-            points=self._arrays,
-            obstacles=self._obstacles.arrays,
-            goal=np.array(self._goal, dtype=np.float64),
-            joint_weight=float(self._joint_weight),
         )
 
     @property
@@ -148,17 +144,20 @@ class Field:
             nearest,
         )
 
-    def value(self, q: Array) -> tuple[float, Array]:
-        """U at q, shape (n,), and -grad U, shape (n,); obstacles that are not felt are left out."""
-        terms = self._terms(q, self._arrays.radii + self._arrays.reach)
-        return terms.potential, terms.force
+    def slope(self, q: Array, tolerance: float = 0.0) -> Slope:
+        """Potential, joint force, and the force that counts as none at a configuration q (n,).
 
-    def vanishing_force(self, q: Array, tolerance: float) -> float:
-        """The joint force at q, shape (n,), that counts as none, see ``smallest_force_kernel``."""
+        Obstacles that are not felt are left out.
+
+        Args:
+            q: Configuration, shape (n,) [rad or m].
+            tolerance: Share of the joint force's terms, see ``smallest_force_kernel``.
+        """
         terms = self._terms(q, self._arrays.radii + self._arrays.reach)
-        _, jacobians = control_points(self._chain, self._where, q)
-        spring = self._joint_weight * (self._goal - q)
-        return float(smallest_force_kernel(jacobians, terms.pulls, terms.pushes, spring, tolerance))
+        least = smallest_force_kernel(
+            terms.jacobians, terms.pulls, terms.pushes, terms.spring, tolerance
+        )
+        return Slope(terms.potential, terms.force, float(least))
 
     def _terms(self, q: Array, within: Array) -> "_Terms":
         """The terms of the field, of obstacles no farther from the points than ``within``, (m,)."""
@@ -182,21 +181,29 @@ class Field:
                 pushes,
             )
         force_kernel(jacobians, pulls, pushes, force)
-        if self._joint_weight > 0.0:
-            e = self._goal - q
-            potential += 0.5 * self._joint_weight * float(e @ e)
-            force += self._joint_weight * e
-        return _Terms(float(potential), force, points, pulls, pushes, projections, distances)
+        e = self.goal - q
+        potential += 0.5 * self._joint_weight * float(e @ e)
+        spring = self._joint_weight * e
+        force += spring
+        return _Terms(
+            float(potential), force, points, jacobians, pulls, pushes, spring, projections,
+            distances,
+        )  # fmt: skip
 
 
 class _Terms(NamedTuple):
-    """The terms of a field at a configuration, as ``FieldValue`` has them, for every obstacle."""
+    """The terms of a field at a configuration, as ``FieldValue`` has them, for every obstacle.
+
+    Jacobians are those of the points; ``spring`` is the joint force of the pull in joint space.
+    """
 
     potential: float
     force: Array
     points: Array
+    jacobians: Array
     pulls: Array
     pushes: Array
+    spring: Array
     projections: Array
     distances: Array
 

@@ -1,4 +1,4 @@
-"""The rules of the descent, of the kernel and of the one in Python: lengths, halvings, ends."""
+"""The rules of the descent, by either projection: lengths, halvings, ends."""
 
 from typing import Any
 
@@ -7,27 +7,18 @@ import pytest
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
+from obstacles.projection.fcl_projection import FclProjector
 from obstacles.projection.projection import Projector
 from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
 from planning.constraints.row import WIDTH
 from planning.field.control_points import origin_points
-from planning.field.gradient_descent import (
-    GROWTH,
-    Count,
-    Gauge,
-    Outcome,
-    Proof,
-    Rules,
-    Track,
-    descend_kernel,
-    keep_kernel,
-)
+from planning.field.gradient_descent import GROWTH, Descent, Outcome, Proof
 from planning.field.options import FieldOptions
 from planning.field.potential import Field
-from planning.field.python_descent import PythonDescent
 from planning.field.weights import FieldWeights
+from planning.values.deadline import Deadline
 from tests.planning.scenes import box
 from tests.planning.slider import slider
 
@@ -35,7 +26,7 @@ from tests.planning.slider import slider
 WALL = Scene((box("wall", (0.1, 0.4, 0.4), (0.5, 0.0, 0.0)),))
 ACROSS = np.array([0.0, 1.0])
 
-pytestmark = pytest.mark.parametrize("engine", ["kernel", "python"])
+pytestmark = pytest.mark.parametrize("engine", ["exact", "fcl"])
 
 
 def test_where_the_straight_line_is_free_it_has_arrived_at_once(engine: str) -> None:
@@ -48,7 +39,7 @@ def test_where_the_straight_line_is_free_it_has_arrived_at_once(engine: str) -> 
 
 def test_steps_of_their_own_size_grow_while_they_lower_the_potential(engine: str) -> None:
     slide = Slide(engine, [-0.9, 0.0], [0.9, 0.0], connect=False, longest_step=0.4)
-    slide.track.gauges[Gauge.STEP] = 0.02
+    slide.descent.step = 0.02
     assert slide.go(12) in (Outcome.GOING, Outcome.ARRIVED)
     lengths, grown = slide.steps, 0.02 * GROWTH ** np.arange(8)
     first = int(np.argmax(grown > 0.4))
@@ -62,7 +53,7 @@ def test_a_step_over_the_minimum_is_halved_until_it_is_lower(engine: str) -> Non
     slide = Slide(engine, [0.0, 0.0], [0.1, 0.0], connect=False, longest_step=0.4, tolerance=1e-6)
     slide.go(1)
     np.testing.assert_allclose(slide.visited[-1], [0.1, 0.0])
-    assert slide.track.gauges[Gauge.STEP] == pytest.approx(GROWTH * 0.1)
+    assert slide.descent.step == pytest.approx(GROWTH * 0.1)
 
 
 def test_a_step_into_a_wall_is_halved_until_it_is_proved(engine: str) -> None:
@@ -173,14 +164,11 @@ def test_constraints_are_held_by_every_step(engine: str) -> None:
     assert free.go(5) == Outcome.ARRIVED
 
 
-_CAPACITY = 500
-
-
 class Slide:
-    """One descent of the slider, by the kernel or in Python.
+    """One descent of the slider.
 
     Args:
-        engine: "kernel" or "python".
+        engine: "exact" or "fcl" projections.
         start: Where it begins, shape (2,) [m].
         goal: Shape (2,) [m].
         scene: What stands in the way.
@@ -205,51 +193,33 @@ class Slide:
         robot, around = slider(), scene or Scene()
         limits = robot.chain.limits
         self.checker = Checker(Checker.of(robot, around).model, slack)
-        self.rules: Rules = FieldOptions(**options).rules(limits.lower, limits.upper)
+        rules = FieldOptions(**options).rules(limits.lower, limits.upper)
         constraints = np.zeros((0, WIDTH)) if rows is None else np.array(rows)
-        self._proof = Proof(self.checker.model.arrays, slack, constraints)
+        proof = Proof(self.checker.model.arrays, slack, constraints)
         where = origin_points(robot.chain)
         spring = FieldWeights((0.0, 1.0), attractive_cap=10.0, repulsive_weights=(0.0, repulsive))
-        self.field = Field(robot.chain, where, Projector(around), np.array(goal), spring)
-        self._python = PythonDescent(
-            self.field.value, self.field.vanishing_force, np.array(goal), self._proof, self.rules
-        )
-        self._engine = engine
-        self.track = Track(
-            np.empty((_CAPACITY, 2)),
-            np.empty(_CAPACITY),
-            np.empty(2),
-            np.array([self.rules.longest, np.inf, -1.0, -1.0]),
-            np.zeros(3, dtype=np.int64),
-        )
-        q = np.array(start)
-        keep_kernel(self.track, q, *self.field.value(q))
+        obstacles = FclProjector(around) if engine == "fcl" else Projector(around)
+        field = Field(robot.chain, where, obstacles, np.array(goal), spring)
+        self.descent = Descent(field, proof, rules, np.array(start))
 
-    def go(self, until: int, across: Array | None = None, walk: int = 0) -> int:
+    def go(self, until: int, across: Array | None = None, walk: int = 0) -> Outcome | None:
         """Descend until so many steps were taken, after a walk; the outcome."""
-        direction = np.zeros(2) if across is None else across
-        if self._engine == "python":
-            return self._python.run(self.track, until, direction, walk)
-        return int(
-            descend_kernel(
-                self._proof, self.rules, self.field.model, self.track, until, direction, walk
-            )
-        )
+        return self.descent.run(until, Deadline.after(60.0), across, walk)
 
     @property
     def visited(self) -> Array:
         """Configurations so far, shape (k, 2) [m]."""
-        return self.track.visited[: self.track.counts[Count.VISITED]].copy()
+        return np.array(self.descent.visited)
 
     @property
     def potentials(self) -> Array:
         """U at each of them, shape (k,) [J]."""
-        return self.track.potentials[: self.track.counts[Count.VISITED]].copy()
+        return np.array(self.descent.potentials)
 
     @property
     def iterations(self) -> int:
         """Steps taken so far."""
-        return int(self.track.counts[Count.ITERATIONS])
+        return self.descent.iterations
 
     @property
     def steps(self) -> Array:

@@ -25,7 +25,6 @@ from obstacles.shapes.shape import (
     Sphere,
 )
 from planning.field.control_points import along_links, control_points, origin_points
-from planning.field.field_kernels import value_kernel
 from planning.field.potential import Field
 from planning.field.weights import FieldWeights
 from tests.obstacles.solids import random_transform
@@ -218,7 +217,7 @@ def test_jacobians_of_the_control_points(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["panda", "scara", "ur5e"])
-def test_the_descents_kernel_has_the_value_and_the_force_of_the_field(name: str) -> None:
+def test_a_slope_has_the_value_and_the_force_of_all_obstacles(name: str) -> None:
     robot = builtin(name)
     random = np.random.default_rng(17)
     lower, upper = robot.chain.sampling_bounds()
@@ -229,8 +228,8 @@ def test_the_descents_kernel_has_the_value_and_the_force_of_the_field(name: str)
             goal = random.uniform(lower, upper)
             field = Field(robot.chain, where, Projector(scene), goal, FieldWeights(), 0.3)
             for _ in range(30):
-                q, force = random.uniform(lower, upper), np.empty(robot.chain.n)
-                expected, potential = field.at(q), value_kernel(field.model, q, force)
+                q = random.uniform(lower, upper)
+                expected, (potential, force, _) = field.at(q), field.slope(q)
                 assert potential == pytest.approx(expected.potential, rel=1e-12)
                 scale = np.abs(expected.joint_force).max() + 1.0
                 assert force == pytest.approx(expected.joint_force, abs=1e-12 * scale)
