@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
-from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.model.branch import require_on_chain
 from kinematics.model.chain import Chain
@@ -45,16 +44,6 @@ def symbolic_frames(chain: Chain, q: Expression) -> list[Expression]:
     return frames
 
 
-def symbolic_pose(chain: Chain, q: Expression, link: str | None = None) -> Expression:
-    """Pose T_base_link(q) of a link (the tip where none is named), shape 4 x 4.
-
-    Raises:
-        InvalidRobotState: q has not one entry for each joint.
-        InvalidLinkName: No such link.
-    """
-    return _link_frame(chain, symbolic_frames(chain, q), link)
-
-
 def symbolic_jacobian(
     chain: Chain, q: Expression, link: str | None = None, point: ArrayLike | None = None
 ) -> Expression:
@@ -77,37 +66,19 @@ def symbolic_jacobian(
     at = np.zeros(3) if point is None else np.array(point, dtype=np.float64)
     if at.shape != (3,) or not np.isfinite(at).all():
         raise InvalidOption("point must be three finite numbers [x, y, z] in the link's frame")
-    frames = symbolic_frames(chain, q)
-    T = _link_frame(chain, frames, link)
+    require_on_chain(chain, link or chain.tip_link)
+    carrier, frames = chain.link(link or chain.tip_link), symbolic_frames(chain, q)
+    T = _constant(carrier.T_joint_link)
+    if carrier.joint >= 0:
+        T = casadi.mtimes(frames[carrier.joint], T)
     p = casadi.mtimes(T[:3, :3], at) + T[:3, 3]
-    last = chain.link(link or chain.tip_link).joint
     columns = [
-        _column(int(chain.joint_types[j]), frames[j], p) if j <= last else casadi.DM.zeros(6, 1)
+        _column(int(chain.joint_types[j]), frames[j], p)
+        if j <= carrier.joint
+        else casadi.DM.zeros(6, 1)
         for j in range(chain.n)
     ]
     return casadi.horzcat(*columns)
-
-
-@bounded_cache(maxsize=64)
-def forward_function(chain: Chain, link: str | None = None) -> Expression:
-    """CasADi function q (n) -> T_base_link (4 x 4) of a link, the tip where none is named.
-
-    Raises:
-        InvalidLinkName: No such link.
-    """
-    q = casadi.SX.sym("q", chain.n)
-    return casadi.Function("forward", [q], [symbolic_pose(chain, q, link)], ["q"], ["T"])
-
-
-@bounded_cache(maxsize=64)
-def jacobian_function(chain: Chain, link: str | None = None) -> Expression:
-    """CasADi function q (n) -> geometric Jacobian (6 x n) of a link's origin, the tip's by default.
-
-    Raises:
-        InvalidLinkName: No such link.
-    """
-    q = casadi.SX.sym("q", chain.n)
-    return casadi.Function("jacobian", [q], [symbolic_jacobian(chain, q, link)], ["q"], ["J"])
 
 
 def _constant(matrix: Array) -> Expression:
@@ -127,14 +98,6 @@ def _motion(joint_type: int, q: Expression) -> Expression:
         T[0, 0] = T[1, 1] = 1.0
         T[2, 3] = q
     return T
-
-
-def _link_frame(chain: Chain, frames: list[Expression], link: str | None) -> Expression:
-    require_on_chain(chain, link or chain.tip_link)
-    carrier = chain.link(link or chain.tip_link)
-    if carrier.joint < 0:
-        return casadi.DM(carrier.T_joint_link)
-    return casadi.mtimes(frames[carrier.joint], _constant(carrier.T_joint_link))
 
 
 def _column(joint_type: int, frame: Expression, p: Expression) -> Expression:

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import casadi
 
-from kinematics.symbolic import Expression, symbolic_frames
-from planning.constraints.constraint_set import ConstraintSet
+from kinematics.symbolic import Expression
 from planning.constraints.row import RowKind
 
 #: Keeps the slope of a square root finite at 0, far below any tolerance [m^2].
@@ -31,77 +30,6 @@ class SmoothRow(NamedTuple):
     upper: Expression
 
 
-def symbolic_values(constraints: ConstraintSet, q: Expression) -> list[Expression]:
-    """Values of the rows, m scalars, in their units.
-
-    Args:
-        constraints: Constraints on the robot whose joints q are.
-        q: SX or MX, n x 1.
-
-    Raises:
-        InvalidRobotState: q has not one entry for each joint.
-    """
-    frames = symbolic_frames(constraints.chain, q)
-    rows = zip(constraints.rows, constraints.packed, strict=True)
-    return [
-        row_value(row.kind, row.carrier, row.reference, casadi.DM(packed), frames, q)
-        for row, packed in rows
-    ]
-
-
-def symbolic_residuals(constraints: ConstraintSet, q: Expression) -> list[Expression]:
-    """Residuals of the rows, m scalars: max(value - upper, lower - value).
-
-    Raises:
-        InvalidRobotState: q has not one entry for each joint.
-    """
-    values = symbolic_values(constraints, q)
-    return [
-        value - row.upper
-        if row.lower == -float("inf")
-        else casadi.fmax(value - row.upper, row.lower - value)
-        for value, row in zip(values, constraints.rows, strict=True)
-    ]
-
-
-def smooth_rows(constraints: ConstraintSet, q: Expression) -> list[SmoothRow]:
-    """The rows in forms that are smooth everywhere but at targets and half turns.
-
-    Raises:
-        InvalidRobotState: q has not one entry for each joint.
-    """
-    frames = symbolic_frames(constraints.chain, q)
-    rows = zip(constraints.rows, constraints.packed, strict=True)
-    return [
-        smooth_row(row.kind, row.carrier, row.reference, casadi.DM(packed), frames, q)
-        for row, packed in rows
-    ]
-
-
-def row_value(
-    kind: RowKind,
-    carrier: int,
-    reference: int,
-    data: Expression,
-    frames: list[Expression],
-    q: Expression,
-) -> Expression:
-    """Value of one row whose numbers are ``data`` (WIDTH), constants or parameters."""
-    if kind is RowKind.JOINT:
-        return q[carrier]
-    if kind is RowKind.ROTATION:
-        return casadi.dot(data[6:9], _log(_turn(carrier, reference, data, frames)))
-    if kind is RowKind.ANGLE:
-        return _angle(_axis(carrier, reference, data, frames), data[12:15])
-    y = _offset(carrier, reference, data, frames)
-    if kind is RowKind.COORDINATE:
-        return casadi.dot(data[12:15], y)
-    if kind is RowKind.DISTANCE:
-        return casadi.sqrt(_across(y, data) + _TINY)
-    # The angle does not change with the length of y.
-    return _angle(_axis(carrier, reference, data, frames), -y)
-
-
 def smooth_row(
     kind: RowKind,
     carrier: int,
@@ -112,18 +40,22 @@ def smooth_row(
 ) -> SmoothRow:
     """One row in smooth form whose numbers are ``data`` (WIDTH), constants or parameters."""
     lower, upper = data[15], data[16]
+    if kind is RowKind.JOINT:
+        return SmoothRow(q[carrier], lower, upper)
+    if kind is RowKind.ROTATION:
+        turn = _log(_turn(carrier, reference, data, frames))
+        return SmoothRow(casadi.dot(data[6:9], turn), lower, upper)
     if kind is RowKind.ANGLE:
         a = _axis(carrier, reference, data, frames)
         return SmoothRow(casadi.dot(a, data[12:15]), casadi.cos(upper), casadi.inf)
-    if kind in {RowKind.DISTANCE, RowKind.LOOK}:
-        y = _offset(carrier, reference, data, frames)
-        if kind is RowKind.DISTANCE:
-            return SmoothRow(_across(y, data), -casadi.inf, upper * upper)
-        a = _axis(carrier, reference, data, frames)
-        length = casadi.sqrt(casadi.sumsqr(y) + _TINY)
-        return SmoothRow(-casadi.dot(a, y) - casadi.cos(upper) * length, 0.0, casadi.inf)
-    value = row_value(kind, carrier, reference, data, frames, q)
-    return SmoothRow(value, lower, upper)
+    y = _offset(carrier, reference, data, frames)
+    if kind is RowKind.COORDINATE:
+        return SmoothRow(casadi.dot(data[12:15], y), lower, upper)
+    if kind is RowKind.DISTANCE:
+        return SmoothRow(_across(y, data), -casadi.inf, upper * upper)
+    a = _axis(carrier, reference, data, frames)
+    length = casadi.sqrt(casadi.sumsqr(y) + _TINY)
+    return SmoothRow(-casadi.dot(a, y) - casadi.cos(upper) * length, 0.0, casadi.inf)
 
 
 def _rotate(joint: int, frames: list[Expression], x: Expression) -> Expression:
@@ -152,10 +84,6 @@ def _across(y: Expression, data: Expression) -> Expression:
     """|y|^2 without its part along the direction."""
     along = casadi.dot(data[12:15], y)
     return casadi.sumsqr(y - along * data[12:15])
-
-
-def _angle(a: Expression, d: Expression) -> Expression:
-    return casadi.atan2(casadi.sqrt(casadi.sumsqr(casadi.cross(a, d)) + _TINY), casadi.dot(a, d))
 
 
 def _turn(carrier: int, reference: int, data: Expression, frames: list[Expression]) -> Expression:

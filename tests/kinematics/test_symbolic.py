@@ -5,16 +5,13 @@ import numpy as np
 import pytest
 
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotState
-from kinematics.forward import forward, joint_frames
+from kinematics.forward import joint_frames
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_names
 from kinematics.symbolic import (
-    forward_function,
-    jacobian_function,
     symbolic_frames,
     symbolic_jacobian,
-    symbolic_pose,
 )
 from tests.dynamics.samples import random_chain, random_state
 
@@ -30,11 +27,11 @@ def ids(chain: object) -> str:
 
 @pytest.mark.parametrize("chain", CHAINS, ids=ids)
 def test_equals_the_kernels_for_every_link(chain: Chain) -> None:
-    for q in random_state(chain, 1, 10)[0]:
-        for link in chain.index:
-            T = np.array(forward_function(chain, link)(q))
-            J = np.array(jacobian_function(chain, link)(q))
-            np.testing.assert_allclose(T, forward(chain, q, link), atol=1e-12, rtol=0)
+    symbols = casadi.SX.sym("q", chain.n)
+    for link in chain.index:
+        jacobian = casadi.Function("J", [symbols], [symbolic_jacobian(chain, symbols, link)])
+        for q in random_state(chain, 1, 10)[0]:
+            J = np.array(jacobian(q))
             np.testing.assert_allclose(J, geometric(chain, q, link), atol=1e-12, rtol=0)
 
 
@@ -53,7 +50,7 @@ def test_frames_are_those_of_the_joints(chain: Chain) -> None:
 def test_jacobian_is_the_derivative_of_the_pose(chain: Chain) -> None:
     q = casadi.SX.sym("q", chain.n)
     point = np.array([0.1, -0.2, 0.3])
-    T = symbolic_pose(chain, q)
+    T = symbolic_frames(chain, q)[-1] @ casadi.DM(chain.link(chain.tip_link).T_joint_link)
     p = T[:3, :3] @ casadi.DM(point) + T[:3, 3]
     columns = []
     for j in range(chain.n):
@@ -72,15 +69,12 @@ def test_jacobian_is_the_derivative_of_the_pose(chain: Chain) -> None:
 def test_matrix_expressions_serve_as_well() -> None:
     chain = random_chain(5, 5)
     q = casadi.MX.sym("q", chain.n)
-    both = casadi.Function("f", [q], [symbolic_pose(chain, q), symbolic_jacobian(chain, q)])
+    both = casadi.Function("f", [q], [symbolic_frames(chain, q)[-1], symbolic_jacobian(chain, q)])
     value = random_state(chain, 4, 1)[0][0]
     T, J = both(value)
-    np.testing.assert_allclose(np.array(T), forward(chain, value), atol=1e-12, rtol=0)
+    last = joint_frames(chain, value)[-1]
+    np.testing.assert_allclose(np.array(T), last, atol=1e-12, rtol=0)
     np.testing.assert_allclose(np.array(J), geometric(chain, value), atol=1e-12, rtol=0)
-
-
-def test_functions_are_built_once_for_equal_chains() -> None:
-    assert forward_function(random_chain(3)) is forward_function(random_chain(3))
 
 
 def test_faults_are_named() -> None:
@@ -88,6 +82,6 @@ def test_faults_are_named() -> None:
     with pytest.raises(InvalidRobotState, match="3 joints"):
         symbolic_frames(chain, casadi.SX.sym("q", 2))
     with pytest.raises(InvalidLinkName, match="no link 'nowhere'"):
-        forward_function(chain, "nowhere")
+        symbolic_jacobian(chain, casadi.SX.sym("q", 3), "nowhere")
     with pytest.raises(InvalidOption, match="point"):
         symbolic_jacobian(chain, casadi.SX.sym("q", 3), point=[0.0, np.nan, 0.0])
