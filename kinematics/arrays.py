@@ -43,26 +43,29 @@ def typed(function: _F) -> _F:
     parameters = tuple(signature(function).parameters)
 
     @cache
-    def checks() -> dict[str, Callable[[object], None]]:
+    def checks() -> dict[str, tuple[tuple[type, ...], Callable[[object], None]]]:
         hints = get_type_hints(function)
         return {name: _check(function.__name__, name, hints[name]) for name in hints}
 
     @wraps(function)
     def checked(*args: Any, **kwargs: Any) -> Any:
         known = checks()
-        for name, value in zip(parameters, args, strict=False):
-            if name in known:
-                known[name](value)
-        for name, value in kwargs.items():
-            if name in known:
-                known[name](value)
+        for name, value in (*zip(parameters, args, strict=False), *kwargs.items()):
+            kinds, check = known.get(name, _ANY)
+            if type(value) not in kinds:
+                check(value)
         return function(*args, **kwargs)
 
     return cast(_F, checked)
 
 
-def _check(function: str, name: str, hint: Any) -> Callable[[object], None]:
-    """The check of one argument, which refuses what its annotation does not name."""
+def _check(
+    function: str, name: str, hint: Any
+) -> tuple[tuple[type, ...], Callable[[object], None]]:
+    """The classes of one argument that need no check, and the check of others.
+
+    It refuses what the annotation does not name.
+    """
     parts = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
     optional, kinds = hint == ArrayLike | None, _classes(parts)
 
@@ -88,16 +91,20 @@ def _check(function: str, name: str, hint: Any) -> Callable[[object], None]:
             raise _refusal(function, name, value, kinds)
 
     if hint == ArrayLike or optional:
-        return numbers_alone
+        return (), numbers_alone
     if get_origin(hint) is Literal:
-        return choice
+        return (), choice
     if get_origin(hint) in (Iterable, Sequence):
-        return no_text
-    return instance if kinds else _accept
+        return (), no_text
+    return (kinds, instance) if kinds else _ANY
 
 
 def _accept(_value: object) -> None:
     """Accept any value: the function checks it itself."""
+
+
+#: The check of what is not annotated by classes.
+_ANY: tuple[tuple[type, ...], Callable[[object], None]] = ((), _accept)
 
 
 def _classes(parts: tuple[Any, ...]) -> tuple[type, ...]:

@@ -156,13 +156,15 @@ class Chain:
         root_aliases: Other names of that frame, as fixed virtual joints of an SRDF give them.
         mimic_joints: Joints off the chain that mimic one of it (``kinematics.model.mimic_joint``).
 
-    Also known: ``index``, where each link stands in ``links``; ``model``, all that forward
-    kinematics reads in one array (1 + n + len(links) + 2 len(mimic_joints), 14): n and the tip's
-    number, then a joint's type and offset or a link's joint and frame in a row, frames by their
-    upper three rows, and last the links' numbers in the order of their joints; where there are
-    mimic joints, their number and first row behind n and the tip, and two rows for each: type,
-    frame and parent, then leader, multiplier and offset; ``content_hash``; ``memo``, where what was
-    made of a chain last can wait for the next call: finding it by hash costs more than a frame.
+    Also known: ``n``, the number of joints; ``body_count``, that of bodies that move, one for each
+    joint and mimic joint; ``index``, where each link stands in ``links``; ``model``, all that
+    forward kinematics reads in one array (1 + n + len(links) + 2 len(mimic_joints), 14): n and
+    the tip's number, then a joint's type and offset or a link's joint and frame in a row,
+    frames by their upper three rows, and last the links' numbers in the order of their joints;
+    where there are mimic joints, their number and first row behind n and the tip, and two rows
+    for each: type, frame and parent, then leader, multiplier and offset; ``content_hash``;
+    ``memo``, where what was made of a chain last can wait for the next call: finding it by hash
+    costs more than a frame.
     """
 
     name: str
@@ -182,6 +184,8 @@ class Chain:
     root_link: str = ""
     root_aliases: tuple[str, ...] = ()
     mimic_joints: tuple[MimicJoint, ...] = ()
+    n: int = field(init=False, repr=False)
+    body_count: int = field(init=False, repr=False)
     index: Mapping[str, int] = field(init=False, repr=False)
     model: Array = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
@@ -189,6 +193,8 @@ class Chain:
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
+        object.__setattr__(self, "n", n)
+        object.__setattr__(self, "body_count", n + len(self.mimic_joints))
         types = np.array(self.joint_types, dtype=np.int64)
         types.setflags(write=False)
         continuous = np.array(self.continuous, dtype=np.bool_)
@@ -218,16 +224,6 @@ class Chain:
 
     def __reduce__(self) -> tuple[object, ...]:
         return Chain, tuple(getattr(self, f.name) for f in fields(self) if f.init)
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return len(self.joint_names)
-
-    @property
-    def body_count(self) -> int:
-        """Bodies that move: one for each joint and each mimic joint."""
-        return len(self.joint_names) + len(self.mimic_joints)
 
     def joint_of(self, body: int) -> str:
         """Name of the joint that moves a body, one of the chain's or a mimic joint."""

@@ -3,7 +3,7 @@
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -65,6 +65,9 @@ class Trajectory:
         coefficients: Coefficients in ascending powers of the time since the piece began, shape (m,
             n, k).
 
+    Also known: ``n``, the number of joints; ``pieces``, that of polynomial pieces, m; ``duration``
+    [s].
+
     Raises:
         InvalidTrajectory: Shapes do not fit, values are not finite, or breaks do not ascend from 0.
     """
@@ -72,6 +75,9 @@ class Trajectory:
     joint_names: tuple[str, ...]
     breaks: Array
     coefficients: Array
+    n: int = field(init=False, repr=False)
+    pieces: int = field(init=False, repr=False)
+    duration: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         names = tuple(self.joint_names)
@@ -84,6 +90,9 @@ class Trajectory:
         object.__setattr__(self, "coefficients", coefficients)
         if not _is_sound(names, breaks, coefficients):
             _refuse(self)
+        object.__setattr__(self, "n", len(names))
+        object.__setattr__(self, "pieces", len(breaks) - 1)
+        object.__setattr__(self, "duration", float(breaks[-1]))
 
     @property
     def content_hash(self) -> str:
@@ -103,24 +112,9 @@ class Trajectory:
         return Trajectory, (self.joint_names, self.breaks, self.coefficients)
 
     @property
-    def n(self) -> int:
-        """Number of joints."""
-        return len(self.joint_names)
-
-    @property
-    def pieces(self) -> int:
-        """Number of polynomial pieces."""
-        return len(self.breaks) - 1
-
-    @property
     def degree(self) -> int:
         """Highest power that the coefficients can hold."""
         return int(self.coefficients.shape[2]) - 1
-
-    @property
-    def duration(self) -> float:
-        """Length in time [s]."""
-        return float(self.breaks[-1])
 
     @property
     def start(self) -> Array:

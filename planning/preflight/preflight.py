@@ -129,22 +129,26 @@ def _ready_with_room(problem: Problem, exact: Checker, hulls: Checker | None) ->
     goals = [goal.joints for goal in problem.goals if isinstance(goal, JointGoal)]
     if len(goals) < len(problem.goals):
         return None
-    chain, tolerance = problem.robot.chain, problem.start_state_tolerance
-    ends = [snap_to_limits(chain, problem.start, tolerance)]
-    ends += [goal_onto_limits(chain, q, tolerance) for q in goals]
-    spacious = Checker((hulls or exact).model, ENOUGH)
-    if any(violation is not None for _, violation in ends):
-        return None
-    if not spacious.all_valid(np.array([q for q, _ in ends])):
+    chain, tolerance, ends = problem.robot.chain, problem.start_state_tolerance, list[Array]()
+    start, violation = snap_to_limits(chain, problem.start, tolerance)
+    for q in goals:
+        end, beyond = goal_onto_limits(chain, q, tolerance)
+        ends.append(end)
+        violation = violation or beyond
+    quick = exact if hulls is None else hulls
+    if violation is not None or not Checker(quick.model, ENOUGH).all_valid(
+        np.array([start, *ends])
+    ):
         return None
     meter = overlap_meter(problem.robot, problem.scene)
-    if any(meter.too_deep(q) for q, _ in ends):
-        return None
-    start, *goals = (q for q, _ in ends)
-    models = [exact.model] if hulls is None else [hulls.model, exact.model]
-    checkers = tuple(Checker(model, SLACK) for model in models)
+    for q in (start, *ends):
+        if meter.too_deep(q):
+            return None
+    checkers: tuple[Checker, ...] = (Checker(exact.model, SLACK),)
+    if hulls is not None:
+        checkers = (Checker(hulls.model, SLACK), *checkers)
     return Ready(
-        start, _nearest_first(goals, start), checkers, moved_note("start", problem.start, start)
+        start, _nearest_first(ends, start), checkers, moved_note("start", problem.start, start)
     )
 
 

@@ -53,6 +53,12 @@ class TimeParametrization:
         end_velocity: Velocity at the end, likewise.
         ruled: Names of joints whose jerk limit is not known but made by a rule.
         ignored_jerk: A jerk limit that was given, shape (n,), which the method does not keep.
+
+    Also known: ``few_pieces``, whether motions of few pieces are tried first, which loads may slow
+    down a little; ``even_corners``, whether rounded corners are passed at constant speed, at
+    rest at the ends and without loads; ``jerk_bounds``, limits of velocity, acceleration and
+    jerk, shape (3, n), where jerk is limited; ``bounds``, the limits that a motion is held to,
+    by quantity.
     """
 
     method: TimingMethod
@@ -64,15 +70,23 @@ class TimeParametrization:
     end_velocity: Array | None = None
     ruled: tuple[str, ...] = ()
     ignored_jerk: Array | None = None
-    _jerk_bounds: Array | None = field(init=False, repr=False)
+    few_pieces: bool = field(init=False, repr=False)
+    even_corners: bool = field(init=False, repr=False)
+    jerk_bounds: Array = field(init=False, repr=False)
+    bounds: Mapping[str, Array] = field(init=False, repr=False)
     _estimate_limits: Array | None = field(default=None, init=False, repr=False)
     _kernel_loads: SpanLoads | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        bounds = None
+        moving = any(v is not None and v.any() for v in (self.start_velocity, self.end_velocity))
+        few_pieces = self.method.even_corners and not moving
+        bounds = {"velocity": self.velocity, "acceleration": self.acceleration}
         if self.jerk is not None:
-            bounds = frozen(np.stack([self.velocity, self.acceleration, self.jerk]))
-        object.__setattr__(self, "_jerk_bounds", bounds)
+            bounds["jerk"] = self.jerk
+            object.__setattr__(self, "jerk_bounds", frozen(np.stack([*bounds.values()])))
+        object.__setattr__(self, "bounds", bounds)
+        object.__setattr__(self, "few_pieces", few_pieces)
+        object.__setattr__(self, "even_corners", few_pieces and self.loads is None)
 
     @property
     def smooth(self) -> bool:
@@ -83,17 +97,6 @@ class TimeParametrization:
     def tool_speed(self) -> float | None:
         """Largest speed of the tool [m/s]; None where it is not limited."""
         return None if self.loads is None else self.loads.tool_speed
-
-    @property
-    def even_corners(self) -> bool:
-        """Whether rounded corners are passed at constant speed: at rest at the ends, no loads."""
-        return self.few_pieces and self.loads is None
-
-    @property
-    def few_pieces(self) -> bool:
-        """Whether motions of few pieces are tried first, which loads may slow down a little."""
-        moving = any(v is not None and v.any() for v in (self.start_velocity, self.end_velocity))
-        return self.method.even_corners and not moving
 
     def near_corners(self, waypoints: Array, reaches: Array) -> Pieces | None:
         """A motion that ``spline_near`` may be near to; rounding may exceed the limits.
@@ -189,12 +192,6 @@ class TimeParametrization:
         return fastest_reaches(waypoints, self.jerk_bounds, largest)
 
     @property
-    def jerk_bounds(self) -> Array:
-        """Limits of velocity, acceleration and jerk, shape (3, n)."""
-        assert self._jerk_bounds is not None
-        return self._jerk_bounds
-
-    @property
     def estimate_limits(self) -> Array:
         """Limits of velocity, acceleration and jerk for estimates of times, shape (3, n)."""
         if self._estimate_limits is None:
@@ -204,17 +201,11 @@ class TimeParametrization:
         return self._estimate_limits
 
     @property
-    def bounds(self) -> dict[str, Array]:
-        """The limits that a motion with this timing is held to, by quantity."""
-        bounds = {"velocity": self.velocity, "acceleration": self.acceleration}
-        return bounds if self.jerk is None else bounds | {"jerk": self.jerk}
-
-    @property
     def motion_limits(self) -> MotionLimits:
         """Limits that a motion is proved within: its bounds, and the jerk that is ignored."""
         ignored = {} if self.ignored_jerk is None else {"jerk": self.ignored_jerk}
         holds_jerk = self.method.jerk is not JerkUse.UNUSED
-        return MotionLimits(self.bounds | ignored, self.loads, holds_jerk)
+        return MotionLimits({**self.bounds, **ignored}, self.loads, holds_jerk)
 
     def at_tool_speed(self, chain: Chain, speed: float) -> "TimeParametrization":
         """Parametrization with the tool no faster than a speed [m/s]."""

@@ -60,11 +60,11 @@ class Deadline:
     @property
     def passed(self) -> bool:
         """Whether time is up."""
-        return self.sooner_than(0.0)
-
-    def sooner_than(self, seconds: float) -> bool:
-        """Whether at most that much time remains [s]."""
-        if time.monotonic() < self.at - seconds:
+        if time.monotonic() < self.at:
             return False
         self.interruptions.occurred = True
         return True
+
+    def sooner_than(self, seconds: float) -> bool:
+        """Whether at most that much time remains [s]."""
+        return Deadline(self.at - seconds, self.interruptions).passed
