@@ -1,9 +1,8 @@
 """Inverse kinematics under constraints: configurations that hold them all and collide with nothing.
 
 Starts are drawn at random; from each an active-set method (``constraints.active_set``) goes to the
-nearest configuration that holds everything and then to the best one around. Where none of them
-arrives, IPOPT takes over from the most promising attempts (``constraints.program``). Every answer
-is checked by the kernels of the constraints and by the exact collision checker.
+nearest configuration that holds everything and then to the best one around. Every answer is checked
+by the kernels of the constraints and by the exact collision checker.
 """
 
 import time
@@ -39,7 +38,6 @@ from planning.constraints.solvers.active_set_program import (
     search_arrays,
     without_surfaces,
 )
-from planning.constraints.solvers.program import BUILDING_TIME, PLANES, Planes, is_built, program
 from planning.values.deadline import Deadline
 
 
@@ -136,10 +134,9 @@ class IkOptions:
         starts: Starts to spend at most.
         seed: Seed of the random starts.
         deadline: Instant at which the search is given up.
-        solver: "auto", or one of "descent" and "ipopt" alone.
 
     Raises:
-        InvalidOption: An unknown objective or solver, or no number of starts.
+        InvalidOption: An unknown objective, or no number of starts.
     """
 
     objective: Objective = "nearest"
@@ -149,17 +146,12 @@ class IkOptions:
     starts: int = 100
     seed: int = 0
     deadline: Deadline | None = None
-    solver: Literal["auto", "descent", "ipopt"] = "auto"
 
     def __post_init__(self) -> None:
         if self.objective not in OBJECTIVES:
             raise InvalidOption(
                 f"there is no objective {self.objective!r}",
                 hint=f"One of: {', '.join(OBJECTIVES)}.",
-            )
-        if self.solver not in {"auto", "descent", "ipopt"}:
-            raise InvalidOption(
-                f"there is no solver {self.solver!r}", hint="One of: auto, descent, ipopt."
             )
         if self.most < 1 or self.starts < 1:
             raise InvalidOption("most and starts must be 1 at least")
@@ -176,7 +168,6 @@ class ConstrainedSolution:
             collide.
         pair: The closest pair; None where nothing can collide.
         cost: Value of the objective.
-        solver: "descent" or "ipopt", whichever found it.
     """
 
     joints: Array
@@ -184,7 +175,6 @@ class ConstrainedSolution:
     clearance: float
     pair: tuple[str, str] | None
     cost: float
-    solver: str
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", frozen(self.joints))
@@ -299,21 +289,17 @@ class _Search:
         # Gain of the objective, times 1 and the objective, that ends the descents of which one is
         # chosen in the end. Only that one is followed to its very end.
         gain = 1e-5 if self.how.most == 1 else LEAST_GAIN
-        if self.how.solver != "ipopt":
-            for q in self._starts():
-                model = self._solids_for(q, starts)
-                starts, count = starts + 1, len(self.found)
-                self._judge(self.descents.descend(model, q, gain), "descent")
-                since = since + 1 if self.found and len(self.found) == count else 0
-                spare -= len(self.found) >= self.how.most
-                # Starts in a row without another solution after which no more are expected.
-                if spare < 0 or since == 16 or self._time_up():
-                    break
-        late = bool(self.attempts) and (self._time_up() or self._has_no_time_to_build())
-        if not self.found and self.how.solver != "descent" and not late:
-            self._run_ipopt()
+        for q in self._starts():
+            model = self._solids_for(q, starts)
+            starts, count = starts + 1, len(self.found)
+            self._judge(self.descents.descend(model, q, gain))
+            since = since + 1 if self.found and len(self.found) == count else 0
+            spare -= len(self.found) >= self.how.most
+            # Starts in a row without another solution after which no more are expected.
+            if spare < 0 or since == 16 or self._time_up():
+                break
         self.found.sort(key=_by_cost)
-        if self.found and self.found[0].solver == "descent" and gain > LEAST_GAIN:
+        if self.found and gain > LEAST_GAIN:
             self._finish(self.found[0])
         nearest = min([*self.found, *self.attempts], key=self.violation)
         deadline = self.how.deadline
@@ -326,17 +312,6 @@ class _Search:
 
     def _time_up(self) -> bool:
         return self.how.deadline is not None and self.how.deadline.passed
-
-    def _has_no_time_to_build(self) -> bool:
-        """Whether IPOPT's program would have to be built, and not surely in time."""
-        deadline = self.how.deadline
-        if deadline is None or is_built(self.constraints, self._by_manipulability):
-            return False
-        return deadline.sooner_than(BUILDING_TIME)
-
-    @property
-    def _by_manipulability(self) -> bool:
-        return self.how.objective == "manipulability"
 
     def _starts(self) -> Iterator[Array]:
         low, high = self.chain.sampling_bounds()
@@ -365,41 +340,10 @@ class _Search:
         q = best.joints
         model = self.exact if self._in_hollow(q) else self.covers
         others, self.found = self.found, []
-        self._judge(self.descents.descend(model, np.array(q), LEAST_GAIN), "descent")
+        self._judge(self.descents.descend(model, np.array(q), LEAST_GAIN))
         self.found = sorted([*self.found, *others], key=_by_cost)
 
-    def _run_ipopt(self) -> None:
-        """Go on from the best attempts, or from fresh starts where there are none."""
-        self.attempts.sort(key=self.violation)
-        # Attempts that IPOPT goes on from.
-        starts = [attempt.joints for attempt in self.attempts[:3]]
-        for q in starts or self._starts():
-            self._judge(self._solve(np.array(q)), "ipopt")
-            if self.found or self._time_up():
-                return
-
-    def _solve(self, q: Array) -> Array:
-        nlp = program(self.constraints, self._by_manipulability)
-        # Times that IPOPT linearises the distances.
-        for _ in range(6 if self.checker is not None else 1):
-            planes = self._planes(q)
-            before, posture = q, np.array(self.goal.posture)
-            q = nlp.solve(self.constraints, q, posture, self.goal.metric, planes)
-            if self._time_up() or float(np.abs(q - before).max()) < HELD:
-                break
-        return q
-
-    def _planes(self, q: Array) -> Planes:
-        """Distances of the nearest pairs to first order, as A q <= b."""
-        if self.checker is None:
-            return Planes(np.zeros((0, self.chain.n)), np.zeros(0))
-        # Pairs farther apart than this do not bind IPOPT's steps [m].
-        near = Checker(self.checker.model, _HEADROOM).gradient(q, 0.3)
-        nearest = np.argsort(near.distances, kind="stable")[:PLANES]
-        A = -near.gradients[nearest]
-        return Planes(A, near.distances[nearest] + A @ q)
-
-    def _judge(self, q: Array, solver: str) -> None:
+    def _judge(self, q: Array) -> None:
         """Judge a configuration and keep it among the solutions or the attempts."""
         clearance, pair = np.inf, None
         residuals = self.constraints.residuals(q)
@@ -407,7 +351,7 @@ class _Search:
             clearance, pair = self.checker.clearance(q)
         elif self.checker is not None:
             clearance = 0.0
-        solution = ConstrainedSolution(q, residuals, clearance, pair, self._cost(q), solver)
+        solution = ConstrainedSolution(q, residuals, clearance, pair, self._cost(q))
         # Solutions nearer than this in every joint [rad or m] are one.
         same = 1e-3
         if self.violation(solution) > 0.0:

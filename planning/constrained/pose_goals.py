@@ -45,8 +45,5 @@ def goal_configurations(
     clear = ClearanceConstraint(problem.margin)
     wanted = ConstraintSet(problem.robot.chain, (*constraints, pose_constraint(goal), clear))
     # At most eight configurations, from sixty starts of inverse kinematics.
-    options = IkOptions(
-        seed_joints=start, most=8, seed=seed, starts=60, solver="descent",
-        deadline=deadline,
-    )  # fmt: skip
+    options = IkOptions(seed_joints=start, most=8, seed=seed, starts=60, deadline=deadline)
     return constrained_ik(problem.robot, wanted, problem.scene, options).solutions

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 
-import casadi
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -14,7 +13,6 @@ from kinematics.forward import forward, frames_kernel
 from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_names
-from kinematics.symbolic import symbolic_frames
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import Constraint
 from planning.constraints.kinds.joint import JointConstraint
@@ -33,7 +31,6 @@ from planning.constraints.row_value import (
     sideways_kernel,
     value_kernel,
 )
-from planning.constraints.symbolic import smooth_row
 from tests.dynamics.samples import random_chain
 from tests.kinematics.samples import random_rotation
 from tests.planning.constraints.samples import some_of_each
@@ -111,25 +108,6 @@ def test_jacobian_is_the_slope_of_the_residual(chain: Chain) -> None:
         smooth = bend < 1e-9
         assert smooth.mean() > 0.9
         np.testing.assert_allclose(J[smooth], slopes[smooth], atol=2e-5)
-
-
-@pytest.mark.parametrize("chain", CHAINS[:6] + CHAINS[-2:], ids=lambda chain: chain.name)
-def test_twin_equals_the_kernel(chain: Chain) -> None:
-    constraints = ConstraintSet(chain, tuple(some_of_each(chain, 4)))
-    q = casadi.SX.sym("q", chain.n)
-    frames = symbolic_frames(constraints.chain, q)
-    rows = [
-        (row.kind, row.carrier, row.reference, casadi.DM(packed), frames, q)
-        for row, packed in zip(constraints.rows, constraints.packed, strict=True)
-    ]
-    smooth = [smooth_row(*row) for row in rows]
-    forms = [casadi.vertcat(*(row[k] for row in smooth)) for k in range(3)]
-    bounds = casadi.Function("smooth", [q], forms)
-    for value in draw(chain, 3, 50):
-        x, low, high = (np.array(form).ravel() for form in bounds(value))
-        inside = constraints.residuals(value) <= 0.0
-        clear = np.abs(constraints.residuals(value)) > 1e-9
-        np.testing.assert_array_equal(((x >= low) & (x <= high))[clear], inside[clear])
 
 
 def test_rotation_near_the_target_and_half_a_turn_away() -> None:
