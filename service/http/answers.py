@@ -47,7 +47,7 @@ async def _look_up(request: Request, *names: tuple[Kind, str | None]) -> list[Re
     """
     repository = repository_of(request)
     found = [None if name is None else repository.recall(kind, name) for kind, name in names]
-    if any(item is None and name is not None for item, (_, name) in zip(found, names, strict=True)):
+    if found.count(None) > [name for _, name in names].count(None):
         found = await run_in_threadpool(repository.look_up, names)
     for reference in found:
         if reference is not None:

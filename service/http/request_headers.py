@@ -37,9 +37,8 @@ def values(scope: Scope, name: bytes) -> list[str]:
 
 def accepts_gzip(scope: Scope) -> bool:
     """Whether the client of a request accepts answers that are compressed."""
-    return any(
-        name == b"accept-encoding" and _takes_gzip(value) for name, value in scope["headers"]
-    )
+    accepted = [value for name, value in scope["headers"] if name == b"accept-encoding"]
+    return any(map(_takes_gzip, accepted))
 
 
 def _takes_gzip(accepted: bytes) -> bool:

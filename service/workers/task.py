@@ -42,7 +42,7 @@ class Job(Generic[R_co]):
     @property
     def size(self) -> int:
         """Size of what the call is about [byte]."""
-        return sum(len(value) for value in self.args if isinstance(value, bytes))
+        return sum([len(value) for value in self.args if isinstance(value, bytes)])
 
     def with_timeout(self, seconds: float) -> "Job[R_co]":
         """Job with a deadline that many seconds from now."""

@@ -8,7 +8,6 @@ problem document, with the same headers as all answers.
 import asyncio
 import logging
 import time
-from collections.abc import Sequence
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
@@ -72,6 +71,8 @@ _SENT = [
 _KEY = "armwright.api_key"
 #: Key in the scope of a request, with the headers to add to its answer.
 _ADDED = "armwright.added_headers"
+#: In a scope whose answer has begun: its status.
+_STATUS = "armwright.status"
 _CHALLENGE = 'Bearer realm="armwright"'
 #: For refusals that leave the body unread: the connection can't be used again.
 _CLOSE = {"Connection": "close"}
@@ -139,8 +140,10 @@ class ServiceMiddleware:
         async def send_with_headers(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
-                status = message["status"]
-                _add_headers(message, added)
+                status = scope[_STATUS] = message["status"]
+                headers = message.get("headers", ())
+                own = {name for name, _ in headers}
+                message["headers"] = [*headers, *[item for item in added if item[0] not in own]]
             await send(message)
 
         try:
@@ -157,25 +160,18 @@ class ServiceMiddleware:
 
     async def _answer_checked(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request that passes all checks, and others with a problem document."""
-        started = False
-
-        async def send_and_note(message: Message) -> None:
-            nonlocal started
-            started = True
-            await send(message)
-
         try:
             if JOB_CONTEXT in scope:  # it passed them when it was accepted
-                await self._answer_compressed(scope, receive, send_and_note)
+                await self._encoded(scope)(scope, receive, send)
             else:
                 self._check_head(scope)
                 await self._check_access(scope)
                 scope[_ADDED] += self._take_rate(scope)
-                await self._answer_admitted(scope, receive, send_and_note)
+                await self._answer_admitted(scope, receive, send)
         except (Exception, asyncio.CancelledError) as error:  # noqa: BLE001  (raised again or told)
-            response = response_to(error, scope, started=started)
+            response = response_to(error, scope, started=_STATUS in scope)
             if response is not None:
-                await response(scope, receive, send_and_note)
+                await response(scope, receive, send)
 
     def _check_head(self, scope: Scope) -> None:
         """Check what the head of a request tells.
@@ -262,24 +258,17 @@ class ServiceMiddleware:
             return await receive()  # what remains to come is the disconnection, whenever that is
 
         if admission is None:
-            await self._answer_compressed(scope, receive_stored, send)
+            await self._encoded(scope)(scope, receive_stored, send)
             return
         async with admission.admitted(scope, unread[0]):
-            await self._answer_compressed(scope, receive_stored, send)
+            await self._encoded(scope)(scope, receive_stored, send)
 
-    async def _answer_compressed(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request by the application, compressed where the client accepts that."""
+    def _encoded(self, scope: Scope) -> ASGIApp:
+        """The application as it answers a client: compressed where that takes it."""
         if accepts_gzip(scope):
-            await self._compressing(scope, receive, send)
-        else:  # says in the header Vary that it would be for others
-            await IdentityResponder(self._app, COMPRESSED_SIZE)(scope, receive, send)
-
-
-def _add_headers(message: Message, added: Sequence[tuple[bytes, bytes]]) -> None:
-    """Add headers to the head of an answer that has not its own."""
-    headers = message.get("headers", ())
-    own = {name for name, _ in headers}
-    message["headers"] = [*headers, *(item for item in added if item[0] not in own)]
+            return self._compressing
+        # Says in the header Vary that it would be for others.
+        return IdentityResponder(self._app, COMPRESSED_SIZE)
 
 
 def _log_request(scope: Scope, route: str, status: int, seconds: float) -> None:
