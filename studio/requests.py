@@ -63,6 +63,7 @@ def plan_request(state: StudioState, *, keep: bool = True) -> PlanRequest:
     """
     return PlanRequest(
         robot=state.robot,
+        tool=state.tool,
         start=Start(joints=state.start),
         goal=goal_of(state),
         scene=scene_of(state),
@@ -94,6 +95,7 @@ def task_request(state: StudioState, *, keep: bool = True) -> TaskRequest:
     )
     return TaskRequest(
         robot=state.robot,
+        tool=state.tool,
         start=read.start,
         stages=read.stages,
         scene=scene_of(state),
@@ -125,6 +127,7 @@ def tour_request(state: StudioState, *, keep: bool = True) -> TourRequest:
     fields = set_fields(read)
     return TourRequest(
         **fields,
+        tool=state.tool,
         start=Start(joints=state.start),
         scene=scene_of(state),
         attached=_attached(state),
@@ -180,6 +183,7 @@ def ik_request(state: StudioState, pose: Pose) -> IkRequest:
     """
     return IkRequest(
         pose=pose,
+        tool=state.tool,
         seed_joints=state.goal_joints,
         all_solutions=True,
         max_solutions=MAX_BRANCHES,

@@ -63,6 +63,7 @@ class StudioState:
             goal.
         obstacles: Obstacles of the scene.
         attached: Link that carries an obstacle, by the obstacle's id.
+        tool: Name of the stored tool that is mounted; None for the robot's own tip.
         fingers: Positions of the gripper's joints at the start, and during a plan [rad or m].
         settings: Values of further fields of a plan request, by their path: "timing.method".
         constraints: Constraints of a plan, each by its fields as the API has them.
@@ -79,6 +80,7 @@ class StudioState:
     goal_pose: Pose | None = None
     obstacles: tuple[Obstacle, ...] = ()
     attached: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    tool: str | None = None
     fingers: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     settings: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     constraints: Entries = ()

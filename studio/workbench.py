@@ -125,6 +125,19 @@ class Workbench:
         self.history = History(StudioState(name, joints, joints, obstacles=obstacles))
         self.outcome, self.pinned, self.branches = None, None, ()
 
+    def restore(self, state: StudioState) -> None:
+        """Begin with the state of an earlier session, as far as the service still has its robot.
+
+        Args:
+            state: State of that session.
+        """
+        if state.robot not in self.robot_names():
+            return
+        self.choose_robot(state.robot)
+        if len(state.start) == len(self.model.joint_names):
+            tool = state.tool if state.tool in self.tool_names() else None
+            self.history = History(replace(state, tool=tool))
+
     def upload_robot(self, file_name: str, content: bytes, tip_link: str | None = None) -> None:
         """Store a robot of a URDF or a .zip, and begin with it; its lint is in `model.lint`.
 
@@ -141,6 +154,18 @@ class Workbench:
         upload = robot_upload(file_name, content, tip_link)
         self.choose_robot(self.client.robots.create(upload).name)
 
+    def tool_names(self) -> list[str]:
+        """Names of all stored tools."""
+        return [tool.name for tool in self.client.tools.iterate()]
+
+    def mount(self, tool: str | None) -> None:
+        """Mount a stored tool, or none; goal poses mean its tip from now on.
+
+        Args:
+            tool: Name of the tool.
+        """
+        self._change(replace(self.state, tool=tool, goal_pose=None))
+
     def geometry(self, kind: Literal["collision", "visual"] = "collision") -> GeometryAnswer:
         """The robot's collision geometry, or what it looks like.
 
@@ -156,7 +181,8 @@ class Workbench:
             joints: Shape (n,) [rad or m].
         """
         fingers = dict(self.state.fingers) or None
-        return self.client.robots.fk(self.state.robot, joints, fingers=fingers).links
+        state = self.state
+        return self.client.robots.fk(state.robot, joints, fingers=fingers, tool=state.tool).links
 
     def link_poses_of(
         self,
@@ -200,7 +226,8 @@ class Workbench:
         """The pose of the tip at the goal, in the root frame."""
         if self.state.goal_pose is not None:
             return self.state.goal_pose
-        return self.client.robots.fk(self.state.robot, self.state.goal_joints).pose
+        state = self.state
+        return self.client.robots.fk(state.robot, state.goal_joints, tool=state.tool).pose
 
     def move_goal(self, pose: Pose, key: str | None = None) -> tuple[Branch, ...]:
         """Make a pose of the tip the goal, and answer all configurations that reach it.

@@ -24,7 +24,10 @@ _NEEDED = {
 @command
 def studio(
     connection: Connection,
-    robot: Annotated[str, typer.Option(help="Robot to begin with.")] = "panda",
+    robot: Annotated[
+        str | None,
+        typer.Option(help="Robot to begin with; that of the last session if left out."),
+    ] = None,
     port: Annotated[
         int, typer.Option(help="Port of the page; the next free one if it is taken.", min=0)
     ] = 8080,
@@ -87,7 +90,7 @@ def _need(extra: str) -> None:
 def _serve(
     connection: Connection,
     data_dir: Path | None,
-    robot: str,
+    robot: str | None,
     port: int,
     announce: Callable[[str], None],
 ) -> None:

@@ -46,8 +46,8 @@ class EntriesPanel:
         self._read, self._write, self._make = read, write, make
         self._chosen: int | None = None
         self._kind: str | None = None
-        self._widgets: dict[str, Any] = {}
-        self._fields: list[viser.GuiFolderHandle] = []
+        self._fields: FieldsPanel | None = None
+        self._folder: viser.GuiFolderHandle | None = None
         gui = page.server.gui
         kind = gui.add_dropdown(f"Kind of {word}", [*forms.fields], visible=len(forms.fields) > 1)
         add = gui.add_button(f"Add {word}")
@@ -86,34 +86,29 @@ class EntriesPanel:
         kind = None if chosen is None else forms.kind(entries[chosen])
         if kind != self._kind:
             self._make_fields(kind)
-        if chosen is not None:
-            for field in self._forms.fields[str(kind)]:
-                put_value(self._widgets[field.path], text_of(field, entries[chosen]))
+        if self._fields is not None:
+            self._fields.refresh()
 
     def _make_fields(self, kind: str | None) -> None:
-        gui = self._page.server.gui
-        for folder in self._fields:
-            folder.remove()
-        self._fields, self._widgets, self._kind = [], {}, kind
+        if self._folder is not None:
+            self._folder.remove()
+        self._fields, self._folder, self._kind = None, None, kind
         if kind is None:
             return
         with self._container:
-            self._fields = [gui.add_folder(kind)]
-            with self._fields[0]:
-                for field in self._forms.fields[kind]:
-                    self._widgets[field.path] = self._widget(field)
+            self._folder = self._page.server.gui.add_folder(kind)
+            with self._folder:
+                fields = self._forms.fields[kind]
+                self._fields = FieldsPanel(self._page, self._word, fields, self._entry, self._set)
 
-    def _widget(self, field: FormField) -> Any:
-        widget = field_widget(self._page.server.gui, field)
-        on_user_update(widget, lambda value: self._run(partial(self._set, field, value)))
-        return widget
+    def _entry(self) -> Mapping[str, Any]:
+        return {} if self.chosen is None else self._read()[self.chosen]
 
-    def _set(self, field: FormField, text: str) -> None:
+    def _set(self, name: str, value: Any) -> None:
         chosen = self.chosen
         if chosen is not None:
-            value = value_of(field, text)
-            key = f"{self._word} {chosen} {field.path}"
-            self._write(with_field(self._read(), chosen, field.path, value), key)
+            key = f"{self._word} {chosen} {name}"
+            self._write(with_field(self._read(), chosen, name, value), key)
 
     def _add(self, kind: str) -> None:
         entries = self._read()
@@ -148,7 +143,8 @@ def field_widget(gui: viser.GuiApi, field: FormField) -> Any:
         field: Field of the form.
     """
     label = f"{field.path} *" if field.required else field.path
-    hint = field.description or None
+    known = "" if field.default is None else f" (default {json.dumps(field.default)})"
+    hint = f"{field.description}{known}".strip() or None
     if field.kind in ("choice", "flag"):
         choices = field.choices or ("yes", "no")
         return gui.add_dropdown(label, [_DEFAULT, *map(str, choices)], hint=hint)
@@ -251,16 +247,33 @@ class FieldsPanel:
         self._page, self._word, self._fields = page, word, fields
         self._read, self._write = read, write
         self._widgets = {field.path: field_widget(page.server.gui, field) for field in fields}
+        self._text = Text(page.server.gui)
+        self._faults: dict[str, str] = {}
         for field in fields:
             on_user_update(self._widgets[field.path], partial(self._set, field))
 
     def refresh(self) -> None:
-        """Show the present values."""
+        """Show the present values, but leave texts that stand for them or are being typed."""
         values = self._read()
         for field in self._fields:
-            put_value(self._widgets[field.path], text_of(field, values))
+            widget = self._widgets[field.path]
+            if field.path not in self._faults and not _stands_for(field, widget.value, values):
+                put_value(widget, text_of(field, values))
 
     def _set(self, field: FormField, text: str) -> None:
-        self._page.run(
-            f"{self._word} {field.path}", lambda: self._write(field.path, value_of(field, text))
-        )
+        self._faults.pop(field.path, None)
+        try:
+            value = value_of(field, text)
+        except ValueError as error:  # half-typed, perhaps
+            self._faults[field.path] = str(error)
+        self._text.show("\n".join(f"- {fault}" for fault in self._faults.values()))
+        if field.path not in self._faults:
+            self._page.run(f"{self._word} {field.path}", lambda: self._write(field.path, value))
+
+
+def _stands_for(field: FormField, text: str, values: Mapping[str, Any]) -> bool:
+    """Whether a text is one of the present value: 0.10 and 0.1 are the same number."""
+    try:
+        return bool(value_of(field, text) == values.get(field.path))
+    except ValueError:
+        return False

@@ -5,8 +5,9 @@ import viser
 
 from armwright_client import Pose
 from studio.page.markdown import Text
+from studio.page.numbers import PoseFields
 from studio.page.panel import Page, on_user_update, put_value
-from studio.pose import pose_of, roll_pitch_yaw, wxyz
+from studio.pose import pose_of, wxyz
 from studio.result import Branch
 
 #: Length of the handles of the goal's frame [m].
@@ -24,12 +25,9 @@ class GoalPanel:
         self._page = page
         gui = page.server.gui
         with gui.add_folder("Goal pose"):
-            self._position = gui.add_vector3("Position [m]", (0.0, 0.0, 0.0), step=0.01)
-            self._rpy = gui.add_vector3("Roll, pitch, yaw [rad]", (0.0, 0.0, 0.0), step=0.01)
+            self._pose = PoseFields(gui, page.units, Pose.at(0.0, 0.0, 0.0), self._take_typed)
             self._text = Text(gui, "Drag the frame at the tip, or type a pose.")
             self._choice = gui.add_dropdown("Take branch", ["–"])
-        on_user_update(self._position, lambda _: self._take_typed())
-        on_user_update(self._rpy, lambda _: self._take_typed())
         on_user_update(self._choice, self._take_branch)
         self._handle = page.server.scene.add_transform_controls(
             "/goal", scale=_HANDLE, depth_test=False
@@ -50,7 +48,7 @@ class GoalPanel:
         """
         self._handle.position = np.array(tip.position)
         self._handle.wxyz = wxyz(tip)
-        self._show_numbers(tip)
+        self._pose.show(tip)
         self._text.show(describe(branches))
         labels = ["–", *(branch.label for branch in branches)]
         if tuple(labels) != tuple(self._choice.options):
@@ -59,19 +57,12 @@ class GoalPanel:
 
     def refresh_branches(self, tip: Pose, branches: tuple[Branch, ...]) -> None:
         """Show the branches, and leave the frame where it is being dragged."""
-        self._show_numbers(tip)
+        self._pose.show(tip)
         self._text.show(describe(branches))
         self._choice.options = ["–", *(branch.label for branch in branches)]
 
-    def _show_numbers(self, tip: Pose) -> None:
-        x, y, z = tip.position
-        put_value(self._position, (x, y, z))
-        put_value(self._rpy, roll_pitch_yaw(tip))
-
-    def _take_typed(self) -> None:
-        position = [float(value) for value in self._position.value]
-        rpy = [float(value) for value in self._rpy.value]
-        self._move(Pose(position=position, rpy=rpy), ended=True)
+    def _take_typed(self, pose: Pose) -> None:
+        self._move(pose, ended=True)
 
     def _take_branch(self, label: str) -> None:
         number = label.partition(" ")[0]

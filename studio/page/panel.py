@@ -73,6 +73,7 @@ class Page(Protocol):
     server: viser.ViserServer
     workbench: Workbench
     queue: CommandQueue
+    units: Any
 
     def refresh(self) -> None:
         """Show the present state everywhere."""

@@ -11,6 +11,8 @@ from studio.page.panel import Page, on_user_update, put_value
 
 #: Range of a finger without limits [rad].
 _UNBOUNDED = (-3.14, 3.14)
+#: In the dropdown of tools: the robot's own tip.
+NO_TOOL = "none"
 #: Steps of a joint slider over its range.
 _STEPS = 1000
 
@@ -31,6 +33,10 @@ class RobotPanel:
         on_user_update(
             self._choice, lambda name: page.queue.put("robot", lambda: _choose(page, name))
         )
+        self._tool = gui.add_dropdown(
+            "Tool", [NO_TOOL], hint="A stored tool: goals mean its tip, and its solids count."
+        )
+        on_user_update(self._tool, lambda name: page.queue.put("tool", lambda: self._mount(name)))
         self._tip = gui.add_text(
             "Tip link", "", hint="Of an upload with several arms: where the chain ends."
         )
@@ -61,8 +67,18 @@ class RobotPanel:
 
     def refresh(self) -> None:
         """Show the facts of the present robot."""
-        put_value(self._choice, self._page.workbench.state.robot)
-        self._facts.show(facts(self._page.workbench.model))
+        workbench = self._page.workbench
+        put_value(self._choice, workbench.state.robot)
+        tools = [NO_TOOL, *workbench.tool_names()]
+        if tools != [*self._tool.options]:
+            self._tool.options = tools
+        put_value(self._tool, workbench.state.tool or NO_TOOL)
+        self._facts.show(facts(workbench.model))
+
+    def _mount(self, name: str) -> None:
+        self._page.workbench.mount(None if name == NO_TOOL else name)
+        self._page.workbench.solve_goal()
+        self._page.refresh()
 
     def _upload(self, name: str, content: bytes) -> None:
         workbench = self._page.workbench

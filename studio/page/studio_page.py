@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from http import HTTPStatus
+from pathlib import Path
 from threading import Lock
 from typing import Any
 from unittest.mock import patch
@@ -20,15 +21,18 @@ from studio.motion_frames import MotionFrames, motion_frames, task_frames, tour_
 from studio.page.drawing import GhostDrawing, PairDrawing, RobotDrawing, surfaces
 from studio.page.goal_panel import GoalPanel
 from studio.page.markdown import Text
+from studio.page.numbers import Units
 from studio.page.panel import CommandQueue
 from studio.page.plan_panel import PlanPanel
-from studio.page.play_panel import PlayPanel
 from studio.page.robot_panel import FingerSliders, JointSliders, RobotPanel
 from studio.page.scene_panel import ScenePanel
 from studio.page.task_panels import PathsPanel, TaskPanel
 from studio.result import Failure, Outcome, Planned, TaskPlanned, TourPlanned
+from studio.session import load_session, save_session, session_file
 from studio.workbench import Workbench, colliding_pairs
 
+#: The robot of the first session.
+FIRST_ROBOT = "panda"
 #: The only address that the studio listens on.
 HOST = "127.0.0.1"
 #: Names by which a browser on this machine may call it.
@@ -92,6 +96,8 @@ def _guard(handler: _Handler) -> _Handler:
 #: Robot at the start or in motion, and the pinned motion.
 _ROBOT_COLOR = (90, 110, 140)
 _PINNED_COLOR = (204, 121, 167)
+#: Messages leave after this time [s].
+_TOLD = 12.0
 #: Where the camera begins [m].
 CAMERA = (1.0, -1.2, 0.9)
 LOOK_AT = (0.2, 0.0, 0.4)
@@ -103,9 +109,13 @@ class StudioPage:
     Args:
         server: Server that serves it.
         workbench: State and commands.
+        session: File that keeps the state; None keeps none.
     """
 
-    def __init__(self, server: viser.ViserServer, workbench: Workbench) -> None:
+    def __init__(
+        self, server: viser.ViserServer, workbench: Workbench, session: Path | None = None
+    ) -> None:
+        self._session = session
         self.server = server
         self.workbench = workbench
         self.queue = CommandQueue(self._report)
@@ -117,10 +127,11 @@ class StudioPage:
         self._pair = PairDrawing(server.scene)
         self._set_up_scene()
         gui = server.gui
+        self.units = Units(gui)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Plan"):
-            self._plan = PlanPanel(self)
-            self._play = PlayPanel(self, self._show_frame)
+            self._plan = PlanPanel(self, self._show_frame)
+            self._play = self._plan.play
         with tabs.add_tab("Goal"):
             self._goal = GoalPanel(self)
             self._goal_sliders = gui.add_folder(None)
@@ -185,6 +196,8 @@ class StudioPage:
             self._goal.refresh(tip, self.workbench.branches)
             self.show_goal()
             self._code.show(all_code(self.workbench.url, self.workbench.state, tip))
+        if self._session is not None:
+            save_session(self._session, self.workbench.state)
 
     def run(self, key: str, action: Callable[[], None]) -> None:
         """Run an action behind those that wait, and show what came of it.
@@ -277,21 +290,27 @@ class StudioPage:
         else:
             title, text = type(error).__name__, str(error)
         for client in self.server.get_clients().values():
-            client.add_notification(title, text, color="red")
+            client.add_notification(title, text, auto_close_seconds=_TOLD, color="red")
 
 
-def run(client: Client, url: str, robot: str, port: int, announce: Callable[[str], None]) -> None:
+def run(
+    client: Client, url: str, robot: str | None, port: int, announce: Callable[[str], None]
+) -> None:
     """Serve the studio's page until the program is interrupted.
 
     Args:
         client: Connected to the service.
         url: Address of the service, for the code that is shown.
-        robot: Name of the first robot.
+        robot: Name of the first robot; None goes on with the session of before, if there is one.
         port: Port of the page; the next free one if it is taken.
         announce: Called with the page's address once it can be opened.
     """
-    workbench = Workbench(client, url, robot)
-    page = StudioPage(serve_page(port), workbench)
+    workbench = Workbench(client, url, robot or FIRST_ROBOT)
+    session = session_file()
+    before = load_session(session) if robot is None else None
+    if before is not None:
+        workbench.restore(before)
+    page = StudioPage(serve_page(port), workbench, session)
     try:
         announce(f"http://{HOST}:{page.server.get_port()}")
         while True:
