@@ -28,7 +28,7 @@ from studio.page.robot_panel import FingerSliders, JointSliders, RobotPanel
 from studio.page.scene_panel import ScenePanel
 from studio.page.task_panels import PathsPanel, TaskPanel
 from studio.result import Failure, Outcome, Planned, TaskPlanned, TourPlanned
-from studio.session import load_session, save_session, session_file
+from studio.state import load_session, save_session, session_file
 from studio.workbench import Workbench, colliding_pairs
 
 #: The robot of the first session.
