@@ -22,8 +22,8 @@ from command_line.commands.robots import robots, scenes
 from command_line.commands.studio import mcp, studio
 from command_line.commands.task import task, tour
 from command_line.commands.view import view
-from command_line.exit_codes import ExitCode
 from command_line.output import print_line
+from command_line.problems import ExitCode
 
 #: Help of the commands that `service.cli` parses, before typer is imported.
 _SERVER = {

@@ -16,7 +16,6 @@ from service.endpoints.dynamics import route as dynamics
 from service.endpoints.health import route as health
 from service.endpoints.jobs import route as jobs
 from service.endpoints.kinematics import route as kinematics
-from service.endpoints.pages import problems
 from service.endpoints.pages import route as pages
 from service.endpoints.plan import route as plan
 from service.endpoints.plans import route as plans
@@ -34,10 +33,10 @@ from service.http.metrics import Metrics
 from service.jobs.agent_jobs import AgentJobs
 from service.jobs.answer import defer
 from service.jobs.runner import Jobs
-from service.recipe import RECIPE
 from service.settings import Settings
 from service.storage.caches.recent import Recent
 from service.storage.store import Store, open_store
+from service.task_references import RECIPE
 from service.tracing.extra import install_tracing, open_tracing
 from service.version import VERSION
 from service.workers.fork.launch import Launched
@@ -58,7 +57,7 @@ _MODEL_BYTES = 16 * 2**20
 _ROUTERS = (
     pages.router,
     health.router,
-    problems.router,
+    pages.problem_router,
     robots.router,
     kinematics.router,
     scenes.router,

@@ -79,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _serve(options: dict[str, Any], *, is_agent: bool) -> int:
-    from service.recipe import RECIPE  # noqa: PLC0415
+    from service.task_references import RECIPE  # noqa: PLC0415
     from service.workers.fork.launch import launch  # noqa: PLC0415
 
     # What takes longest begins first: it loads while the server is imported here.

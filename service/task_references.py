@@ -7,6 +7,7 @@ checker sees the tasks themselves; the server has their names, each held by a te
 from typing import TYPE_CHECKING
 
 from service.workers.chunk_sizes import TURN
+from service.workers.fork.launch import Recipe
 from service.workers.task import GRACE, TaskReference
 
 if TYPE_CHECKING:
@@ -110,4 +111,12 @@ MODULES = tuple(
     sorted(
         {one.name.partition(":")[0] for one in vars().values() if isinstance(one, TaskReference)}
     )
+)
+
+
+#: Ready once every kernel is loaded; what first requests would still compute comes after that.
+RECIPE = Recipe(
+    modules=MODULES,
+    warm="service.warm_up.kernels:prepare",
+    enrich="service.warm_up.kernels:enrich",
 )

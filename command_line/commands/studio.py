@@ -1,6 +1,10 @@
 """The commands ``armwright studio``, a page for people, and ``armwright mcp``, tools for models."""
 
 import signal
+import socket
+import subprocess
+import sys
+import time
 import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +14,15 @@ from typing import Annotated
 
 import typer
 
+from armwright_client import (
+    ArmwrightError,
+    AsyncClient,
+    Client,
+    ClientOptions,
+    InvalidArgument,
+    NotReady,
+    TransportError,
+)
 from command_line.output import print_line
 from command_line.parameters import Connection, command
 from command_line.problems import invalid_value, unreachable
@@ -67,8 +80,6 @@ def mcp(
 ) -> None:
     """Serve tools to a language model over standard input and output (MCP)."""
     _need("mcp")
-    from armwright_client import AsyncClient, ClientOptions  # noqa: PLC0415
-    from armwright_wire.errors import InvalidArgument  # noqa: PLC0415
     from command_line.mcp_server import mcp_server  # noqa: PLC0415
 
     options: ClientOptions = {} if token is None else {"token": token}
@@ -94,7 +105,6 @@ def _serve(
     port: int,
     announce: Callable[[str], None],
 ) -> None:
-    from armwright_client import ArmwrightError, Client, ClientOptions  # noqa: PLC0415
     from studio.page.studio_page import run  # noqa: PLC0415
 
     options: ClientOptions = {} if connection.token is None else {"token": connection.token}
@@ -114,11 +124,70 @@ def _service(connection: Connection, data_dir: Path | None) -> Iterator[str]:
     if connection.url is not None:
         yield connection.url
         return
-    from studio.own_service import own_service  # noqa: PLC0415
-
     print_line("Starting a service; the first time kernels are compiled, which takes a minute.")
     try:
         with own_service(data_dir) as url:
             yield url
     except RuntimeError as error:
         raise unreachable(str(error), "Start one with `armwright serve` and give --url.") from None
+
+
+#: Between two questions whether the service is ready [s].
+_PERIOD = 0.2
+#: Kernels that were never compiled take minutes on a small machine [s].
+_START_TIME = 900.0
+#: A service that was asked to end has so long for the requests that run [s].
+_STOP_TIME = 10.0
+
+
+@contextmanager
+def own_service(data_dir: Path | None) -> Iterator[str]:
+    """Start a service on a free port of this machine, and stop it behind the block.
+
+    Args:
+        data_dir: Folder of its database; the user's data if None.
+
+    Yields:
+        Address of the service, once it is ready.
+
+    Raises:
+        RuntimeError: It ends before it is ready, or does not become ready.
+    """
+    port = _free_port()
+    folder = [] if data_dir is None else ["--data-dir", str(data_dir)]
+    command = [sys.executable, "-m", "command_line.main", "serve", "--port", str(port), *folder]
+    with subprocess.Popen([*command, "--log-level", "warning"]) as process:
+        url = f"http://127.0.0.1:{port}"
+        try:
+            _wait_until_ready(url, process)
+            yield url
+        finally:
+            process.terminate()
+            try:
+                process.wait(_STOP_TIME)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def _wait_until_ready(url: str, process: subprocess.Popen[bytes]) -> None:
+    end = time.monotonic() + _START_TIME
+    with Client(url) as client:
+        while time.monotonic() < end:
+            if process.poll() is not None:
+                raise RuntimeError(f"the service ended with exit code {process.returncode}")
+            try:
+                client.readyz()
+            except (NotReady, TransportError):
+                time.sleep(_PERIOD)
+            except ArmwrightError as error:
+                raise RuntimeError(f"the service answers {error}") from error
+            else:
+                return
+    raise RuntimeError(f"the service is not ready after {_START_TIME:.0f} s")
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+    return port

@@ -8,6 +8,7 @@ from pydantic_core import to_json
 
 from armwright_wire.plans.job import JobSummary
 from service.access.caller import caller_of
+from service.fields import picked
 from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import Handler, prefers_async
 from service.http.state import DRY_RUN, DeferToJob
@@ -21,16 +22,12 @@ def job_summary(record: JobRecord, lifetime: float | None = None) -> JobSummary:
     if record.ended is not None and lifetime is not None:
         expires = record.ended + lifetime
     return JobSummary(
-        id=record.id,
         operation=f"{record.method} {record.path}",
-        status=record.status,
-        progress=record.progress,
-        stage=record.stage,
+        **picked(record, "id", "status", "progress", "stage", "location"),
         created=_moment(record.created) or "",
         started=_moment(record.started),
         ended=_moment(record.ended),
         expires=_moment(expires),
-        location=record.location,
     )
 
 

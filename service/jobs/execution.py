@@ -21,9 +21,8 @@ from service.http.errors import status_of
 from service.http.state import JobContext
 from service.jobs import records, storage_retry
 from service.jobs.live_job import LiveJob
-from service.jobs.purge import purge
 from service.jobs.replay import Replayed, replay
-from service.jobs.storage_retry import when_possible
+from service.jobs.storage_retry import purge, when_possible
 from service.problem import ProblemError, unexpected_fault
 from service.settings import Settings
 from service.storage.database import StorageUnavailable

@@ -13,7 +13,7 @@ from service.jobs import records
 from service.jobs.batch import joined_answer
 from service.jobs.execution import JobExecution
 from service.jobs.live_job import LiveJob, follow_live, follow_stored
-from service.jobs.purge import purge_periodically
+from service.jobs.storage_retry import purge_periodically
 from service.problem import ProblemError
 from service.settings import Settings
 from service.storage.database import StorageUnavailable

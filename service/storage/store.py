@@ -2,7 +2,7 @@
 
 import secrets
 
-from service.storage.caches.record_cache import RecordCache
+from service.storage.caches.recent import RecordCache
 from service.storage.database import Database
 from service.storage.stores.document_store import DocumentStore, Record
 from service.storage.stores.idempotency_store import IdempotencyStore

@@ -8,8 +8,8 @@ from planning.proof.certificate import Certificate
 from planning.proof.premises import Premises
 from planning.proof.tool.tool_speed_band import SpeedUse
 from planning.stops.certificate import StopCertificate
+from service.fields import picked
 from service.translate.contacts import allowed_answer
-from service.translate.fields import picked
 from service.translate.problems import plain
 
 

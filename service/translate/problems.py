@@ -23,9 +23,9 @@ from planning.result import ChosenConfiguration, StageReport
 from planning.values.goal_costs import GoalCosts
 from planning.values.optimize_options import RefineOptions
 from planning.values.preferred_clearance import PreferredClearance
+from service.fields import picked
 from service.translate import poses, timings
 from service.translate.constraints import constraint_set
-from service.translate.fields import picked
 from service.translate.seams import seam_options
 
 #: What holds where a request says nothing else.

@@ -20,7 +20,7 @@ from planning.timing.jerk.state_to_state import JointState
 from planning.timing.options import Payload, TimingOptions
 from planning.timing.parametrization import TimingReport
 from planning.values.limits import EffortLimits
-from service.translate.fields import shared
+from service.fields import shared
 
 #: What holds where a request says nothing else, and what it may say of its answer alone.
 _USUAL, _NOT_OF_TIMING = TimingOptions(), frozenset({"sample_period"})

@@ -18,8 +18,8 @@ from planning.tool_motions.tool_corner import ToolCorner, ToolCurve
 from planning.tool_motions.tool_motion import ToolMotion
 from planning.tool_motions.tool_tolerance import ToolTolerance
 from planning.tool_paths.motions import tool_motion, tool_reference
+from service.fields import listed, picked
 from service.translate import poses
-from service.translate.fields import listed, picked
 from service.translate.seams import tolerance
 
 #: Motions that begin this near to where the one before ends begin there [m and 1].

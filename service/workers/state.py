@@ -153,13 +153,6 @@ class SupervisorState:
             return 0.0
         return self._work(client)
 
-    def lateness(self, task: str, seconds: float, client: str = "") -> float:
-        """Delay of a job beyond the `seconds` within which it is to be done [s].
-
-        A job that can begin at once is never too late: it may be quicker than others were.
-        """
-        return self._lateness((task, 0), seconds, self.expected_wait(client))
-
     def refusal(self, job: Job[Any], client: str = "") -> QueueFull | None:
         """The problem of a job that has no chance; None where it has one.
 

@@ -7,8 +7,7 @@ from typing import Any
 
 import viser
 
-from studio.page.markdown import Text
-from studio.page.panel import Page, on_user_update, put_value
+from studio.page.panel import Page, Text, on_user_update, put_value
 from studio.settings_form import EntryForms, FormField
 from studio.state import Entries, moved, with_field, without
 

@@ -4,9 +4,8 @@ import numpy as np
 import viser
 
 from armwright_client import Pose
-from studio.page.markdown import Text
 from studio.page.numbers import PoseFields
-from studio.page.panel import Page, on_user_update, put_value
+from studio.page.panel import Page, Text, on_user_update, put_value
 from studio.pose import pose_of, wxyz
 from studio.result import Branch
 

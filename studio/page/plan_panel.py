@@ -7,8 +7,7 @@ from typing import Any
 
 from studio.motion_frames import MotionFrames
 from studio.page.entries_panel import EntriesPanel, FieldsPanel
-from studio.page.markdown import Text
-from studio.page.panel import Page
+from studio.page.panel import Page, Text
 from studio.page.play_panel import PlayPanel
 from studio.result import Failure, Outcome, Planned, compare
 

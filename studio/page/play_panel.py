@@ -13,8 +13,7 @@ from viser import uplot
 
 from armwright_wire.motions.export import Format as ExportFormat
 from studio.motion_frames import MotionFrames
-from studio.page.markdown import Text
-from studio.page.panel import Page, on_user_update, put_value
+from studio.page.panel import Page, Text, on_user_update, put_value
 
 #: Frames shown each second while a motion plays.
 _RATE = 30.0

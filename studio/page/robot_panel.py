@@ -6,8 +6,7 @@ from typing import Any
 import viser
 
 from armwright_client import Robot
-from studio.page.markdown import Text
-from studio.page.panel import Page, on_user_update, put_value
+from studio.page.panel import Page, Text, on_user_update, put_value
 
 #: Range of a finger without limits [rad].
 _UNBOUNDED = (-3.14, 3.14)

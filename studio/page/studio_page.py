@@ -20,9 +20,8 @@ from studio.code import all_code
 from studio.motion_frames import MotionFrames, motion_frames, task_frames, tour_frames
 from studio.page.drawing import GhostDrawing, PairDrawing, RobotDrawing, surfaces
 from studio.page.goal_panel import GoalPanel
-from studio.page.markdown import Text
 from studio.page.numbers import Units
-from studio.page.panel import CommandQueue
+from studio.page.panel import CommandQueue, Text
 from studio.page.plan_panel import PlanPanel
 from studio.page.robot_panel import FingerSliders, JointSliders, RobotPanel
 from studio.page.scene_panel import ScenePanel

@@ -5,8 +5,7 @@ from functools import partial
 
 from armwright_client import Obstacle
 from studio.page.entries_panel import EntriesPanel, FieldsPanel
-from studio.page.markdown import Text
-from studio.page.panel import Page, put_value
+from studio.page.panel import Page, Text, put_value
 from studio.page.plan_panel import describe, page_link, planning
 from studio.result import Outcome, TaskPlanned, TourPlanned
 from studio.stages import aimed, goal_entry, new_stage, pick_stages, place_stages, pose_entry

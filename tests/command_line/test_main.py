@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from command_line.exit_codes import ExitCode
 from command_line.main import SERVER_COMMANDS, main
+from command_line.problems import ExitCode
 from service.version import VERSION
 from tests.command_line.commands import Run
 

@@ -3,8 +3,14 @@ import json
 import pytest
 import typer
 
-from command_line.exit_codes import UNREACHABLE, ExitCode, exit_code
-from command_line.problems import invalid_value, negative, shows_problems
+from command_line.problems import (
+    UNREACHABLE,
+    ExitCode,
+    exit_code,
+    invalid_value,
+    negative,
+    shows_problems,
+)
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Limits
 from service.http.errors import KINDS

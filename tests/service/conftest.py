@@ -8,8 +8,8 @@ from fastapi import FastAPI
 from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
 
 from service.app import create_app
-from service.recipe import RECIPE
 from service.settings import Settings
+from service.task_references import RECIPE
 from service.tracing.tracer import Tracing
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.http.exchange import LIMIT, add_mishaps

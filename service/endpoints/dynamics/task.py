@@ -34,9 +34,9 @@ from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.model.chain import Chain
 from kinematics.velocity import wrenches_of_torques
 from service.endpoints.kinematics.task import task_jacobian, task_vectors
+from service.fields import listed
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import builtin_reference
-from service.translate.fields import listed
 from service.translate.payload import loaded_chain
 from service.workers.answer import chain_task, frame_transform, in_frame
 

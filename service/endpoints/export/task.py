@@ -7,10 +7,10 @@ from planning.exports.export import export as write_motion
 from planning.exports.options import ExportFormat, ExportOptions
 from planning.proof.premises import Premises
 from service.endpoints.attached_objects import robot_in_scene
+from service.fields import shared
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, trajectories
-from service.translate.fields import shared
 from service.workers import current
 from service.workers.result import TaskProblem
 from service.workers.task import GRACE, task

@@ -32,11 +32,11 @@ from service.endpoints.ik.answers import (
     trace_answer,
     unreachable,
 )
+from service.fields import shared
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import poses
 from service.translate.contacts import allowed_answer
-from service.translate.fields import shared
 from service.translate.frames import (
     Frames,
     first_configuration,

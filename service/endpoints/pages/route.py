@@ -10,9 +10,14 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Request, Response
 from fastapi import Path as InPath
 from fastapi.responses import FileResponse, HTMLResponse
+from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
+from armwright_wire.base import Answer
+from service.http.errors import KINDS
+from service.http.json_route import json_router
 from service.http.request_headers import accepts_gzip, names_tag
+from service.problem import ProblemError
 from service.version import VERSION
 
 router = APIRouter(include_in_schema=False)
@@ -141,3 +146,47 @@ def swagger_folder() -> Path:
     if found is None or found.origin is None:
         raise LookupError("the package fastapi-offline is not installed")
     return Path(found.origin).parent / "static"
+
+
+problem_router = json_router("problems", "/v1/problems")
+
+
+class ProblemKind(Answer):
+    """One kind of problem."""
+
+    code: str = Field(examples=["GOAL_IN_COLLISION"], description="of the problem")
+    status: int = Field(examples=[422], description="the usual HTTP status")
+    title: str = Field(
+        examples=["The goal configuration is in collision"],
+        description="the kind of problem in words",
+    )
+    cure: str = Field(description="what can be done about it, beside the hint of the occurrence")
+
+
+class ProblemKinds(Answer):
+    """All kinds of problems."""
+
+    problems: list[ProblemKind] = Field(description="all there are")
+
+
+@problem_router.get("", summary="All kinds of problems")
+async def list_problems() -> ProblemKinds:
+    """Every code that an error can carry."""
+    return ProblemKinds(problems=[_kind(code) for code in KINDS])
+
+
+@problem_router.get("/{code}", summary="One kind of problem")
+async def get_problem(code: str) -> ProblemKind:
+    """Description of a problem's code."""
+    if code not in KINDS:
+        raise ProblemError(
+            "NOT_FOUND",
+            f"there is no kind of problem named {code!r}",
+            hint="GET /v1/problems lists those there are.",
+        )
+    return _kind(code)
+
+
+def _kind(code: str) -> ProblemKind:
+    kind = KINDS[code]
+    return ProblemKind(code=code, status=kind.status, title=kind.title, cure=kind.hint)

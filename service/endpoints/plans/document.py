@@ -11,6 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from armwright_wire.plans.kept_plan import Bundle, DocumentName, KeptPlanSummary
 from armwright_wire.robots.robot import RobotBody
 from armwright_wire.scenes.scene import NamedScene
+from service.fields import picked
 from service.http.keeping import answer_digest
 from service.problem import ProblemError
 from service.storage.stores.plan_store import PlanContent, PlanRecord, PlanStore
@@ -23,19 +24,13 @@ _DOCUMENTS: dict[str, type[BaseModel]] = {"robot_document": RobotBody, "scene_do
 def plan_summary(record: PlanRecord, lifetime: float) -> KeptPlanSummary:
     """A kept plan without its content; it is kept for a lifetime [s]."""
     return KeptPlanSummary(
-        id=record.id,
         operation=f"{record.method} {record.path}",
         status="succeeded" if _succeeded(record) else "failed",
-        code=record.code,
         robot=_name(record.robot, record.robot_hash),
         scene=_name(record.scene, record.scene_hash),
-        seed=record.seed,
-        version=record.version,
-        digest=record.digest,
+        **picked(record, "id", "code", "seed", "version", "digest", "job", "replay_of"),
         created=_moment(record.created),
         expires=_moment(record.created + lifetime),
-        job=record.job,
-        replay_of=record.replay_of,
         proved_here=record.proved_here,
     )
 
@@ -55,11 +50,8 @@ async def bundle(plans: PlanStore, record: PlanRecord, content: PlanContent) -> 
     return Bundle(
         armwright_bundle=1,
         operation=f"{record.method} {record.path}",
-        version=record.version,
         status="succeeded" if _succeeded(record) else "failed",
-        seed=record.seed,
-        digest=record.digest,
-        robot=record.robot,
+        **picked(record, "version", "seed", "digest", "robot"),
         robot_document=robot,
         scene=record.scene,
         scene_document=scene,

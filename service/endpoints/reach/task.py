@@ -19,9 +19,9 @@ from service.endpoints.attached_objects import RobotInScene, robot_in_scene
 from service.endpoints.reach import picture
 from service.endpoints.reach.picture import HIGH, LOW
 from service.endpoints.tasks.translation import reach_tolerance
+from service.fields import listed
 from service.storage.caches.cache_key import Reference
 from service.translate import poses
-from service.translate.fields import listed
 from service.workers import current
 from service.workers.answer import in_frame
 from service.workers.result import TaskProblem

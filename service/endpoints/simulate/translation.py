@@ -23,7 +23,7 @@ from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from service.endpoints.simulate.controllers import controller_answer
-from service.translate.fields import listed, picked
+from service.fields import listed, picked
 from service.translate.payload import loaded_chain
 from service.translate.robots.motors import domain_motors
 from tracking.controllers.adaptive import Adaptive

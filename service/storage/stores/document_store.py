@@ -10,7 +10,7 @@ from sqlalchemy import Connection, bindparam, delete, func, insert, select, upda
 from sqlalchemy.exc import IntegrityError
 
 from service.problem import ProblemError
-from service.storage.caches.record_cache import RecordCache
+from service.storage.caches.recent import RecordCache
 from service.storage.database import Database
 from service.storage.stores.audit_store import Actor, note
 from service.storage.stores.idempotency_store import KeptAnswer, keep_answer

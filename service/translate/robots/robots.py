@@ -32,8 +32,8 @@ from kinematics.urdf.visuals import read_visuals, with_visual_solids
 from obstacles.robots.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.robots.touching_pairs import suspected_pairs
+from service.fields import picked
 from service.translate import poses
-from service.translate.fields import picked
 from service.translate.robots import limits as robot_limits
 from service.translate.robots.motors import reflected, robot_motors, with_robot_motors
 

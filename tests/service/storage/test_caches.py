@@ -14,8 +14,7 @@ from obstacles.shapes.shape import Box
 from service.storage.caches import disk_cache, prepared_files
 from service.storage.caches.cache_key import NotPrepared, Reference
 from service.storage.caches.disk_cache import PreparedRobot
-from service.storage.caches.recent import Recent
-from service.storage.caches.record_cache import RecordCache
+from service.storage.caches.recent import Recent, RecordCache
 from service.storage.store import Store
 from service.storage.stores.document_store import DocumentStore
 from tests.planning.scenes import builtin

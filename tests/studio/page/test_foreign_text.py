@@ -12,7 +12,7 @@ import studio
 from armwright_client import Client
 from studio.code import all_code
 from studio.page import entries_panel, goal_panel, plan_panel
-from studio.page.markdown import Text, escaped
+from studio.page.panel import Text, escaped
 from studio.page.robot_panel import facts
 from studio.page.studio_page import serve_page
 from studio.result import Branch, Failure, Verdict
@@ -128,7 +128,7 @@ def test_all_markdown_of_the_studio_passes_the_escape() -> None:
     calls = [
         path.name for path in folder.rglob("*.py") if "add_markdown" in path.read_text("utf-8")
     ]
-    assert calls == ["markdown.py"]
+    assert calls == ["panel.py"]
 
 
 @pytest.mark.parametrize("name", NAMES)
