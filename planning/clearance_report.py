@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
-from planning.timing.close_instants import instants
 from planning.values.preferred_clearance import PreferredClearance
 
 #: Where states are looked at about the nearest instant of a span, as shares of the time to the next
@@ -90,7 +89,8 @@ def clearance_report(
     times: Array = np.arange(count + 1, dtype=np.float64) * (motion.duration / count)
     times[-1] = motion.duration
     spacious = _with_distances(checkers[0], distance, own)
-    states, close = instants(spacious, motion.breaks, motion.coefficients, times)
+    states = motion.sample(times)
+    close = ~spacious.each_valid(states)
     for checker in checkers[1:]:
         if not close.any():
             break

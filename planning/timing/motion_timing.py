@@ -5,27 +5,22 @@ motion with a stop at each corner comes last. A spline of time leaves the polyli
 waypoints: with more waypoints on the legs it keeps nearer to them.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
 
+from compiled.kernel import direct, kernel
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
+from kinematics.trajectory.polynomial import sample_kernel
 from kinematics.trajectory.trajectory import Trajectory, stay
-from obstacles.collision.checker import Checker
-from planning.timing.close_instants import (
-    WHOLE,
-    CloseInstants,
-    close_instants,
-    is_inside,
-    not_beside,
-    outside_instants,
-    spans_beside,
-    states_between,
-)
+from obstacles.collision.checker import Checker, any_model
+from obstacles.collision.lanes.check import mark_blocked
+from obstacles.collision.model.model_arrays import ModelArrays
 from planning.timing.failure import TimingFailed
 from planning.timing.jerk.even_corners import Pieces
 from planning.timing.options import TimingOptions
@@ -39,13 +34,13 @@ from planning.timing.path.blend import (
     merge,
     reach_for_deviation,
 )
-from planning.timing.spline.quintic_fit import SPAN_RATES, even_parts, finer_parts
+from planning.timing.spline.quintic_fit import SPAN_RATES, even_parts
 from planning.timing.spline.spline import Ends
 from planning.timing.time_scaling import ScaledTime
 from planning.values.deadline import Deadline
 from planning.values.limits import RATIO_TOLERANCE
 
-# Instants of a piece of a spline at which its clearance is checked before it is proved.
+#: Instants of a piece of a spline at which it is checked before it is proved.
 _INSTANTS = 3
 
 
@@ -108,12 +103,12 @@ def motions(
 class _Wide(NamedTuple):
     """The spline near a motion with corners as wide as is worth it, of which nothing is proved.
 
-    ``close`` are the instants at which it does not keep the first of the preferred clearances.
+    ``is_clear`` says whether it keeps the first of the preferred clearances.
     """
 
     reaches: Array
     spline: ScaledTime
-    close: CloseInstants
+    is_clear: bool
 
 
 @dataclass(slots=True)
@@ -140,7 +135,7 @@ class _RoundedMotion:
     left_path: bool = field(default=False, init=False)
     _found_reaches: dict[bool, Array] = field(default_factory=dict, init=False)
     _found_widest: dict[bool, Array] = field(default_factory=dict, init=False)
-    _found_close: dict[int, Array] = field(default_factory=dict, init=False)
+    _kept_on_path: dict[int, bool] = field(default_factory=dict, init=False)
     _on_path: ScaledTime | None = field(default=None, init=False)
 
     def time_on_path(self) -> ScaledTime:
@@ -155,29 +150,50 @@ class _RoundedMotion:
         """The spline near the motion where it is as far from everything, else the motion itself."""
         names = self.checker.model.chain.joint_names
         wide = self._spline_at_widest(names)
-        if wide is not None and not len(wide.close.times):
+        if wide is not None and wide.is_clear:
             self.left_path = True
             return wide.spline
         reaches = self._reaches(even=True)
         rounded = self.parametrization.near_corners(self.points, reaches)
         if rounded is not None:
-            is_wide = wide is not None and np.array_equal(reaches, wide.reaches)
-            nearest = list[ScaledTime]()
-            is_spacious = any(level is self.checker for level in self.preferred)
-            for rate in SPAN_RATES:
-                known = wide if is_wide and rate == SPAN_RATES[0] else None
-                spline = self._spline_near(rounded, rate, names, nearest, known)
-                if spline is not None:
-                    self.left_path = True
-                    return spline
-            for spline in nearest if is_spacious else ():
-                motion = spline.trajectory
-                looked = motion.breaks, motion.coefficients
-                # How much more finely a spline is checked where it has nothing to spare.
-                if not len(close_instants(self.checker, *looked, finely=4).times):
-                    self.left_path = True
-                    return spline
+            spline = self._spline_near(rounded, reaches, wide, names)
+            if spline is not None:
+                self.left_path = True
+                return spline
         return self._within_loads(names) or self.time_on_path()
+
+    def _spline_near(
+        self, rounded: Pieces, reaches: Array, wide: _Wide | None, names: tuple[str, ...]
+    ) -> ScaledTime | None:
+        """The spline of fewest spans near a motion that keeps as clear as that.
+
+        Args:
+            rounded: The motion.
+            reaches: Reaches of its corners.
+            wide: The spline at the widest corners, which is the first where these are as wide.
+            names: Names of the joints.
+        """
+        if wide is not None and not np.array_equal(reaches, wide.reaches):
+            wide = None
+        splines = list[ScaledTime]()
+        for rate in SPAN_RATES:
+            parts = even_parts(float(rounded.breaks[-1]), len(self.points) - 1, rate)
+            if wide is not None and not splines:
+                spline: ScaledTime | None = wide.spline
+            else:
+                spline = self.parametrization.spline_near(rounded, names, parts)
+            if spline is None:
+                continue
+            if self._is_as_clear(spline.trajectory, rounded):
+                return spline
+            splines.append(spline)
+        if any(level is self.checker for level in self.preferred):
+            # A spline is checked so much more finely where it has nothing to spare.
+            finely = 4
+            for spline in splines:
+                if _keeps(self.checker, spline.trajectory, finely):
+                    return spline
+        return None
 
     def _within_loads(self, names: tuple[str, ...]) -> ScaledTime | None:
         """The spline near the motion on the path where loads bind that, and it keeps as clear."""
@@ -185,9 +201,9 @@ class _RoundedMotion:
             return None
         motion = self.time_on_path().trajectory
         rounded = Pieces(motion.breaks, motion.coefficients)
-        self._found_close.clear()
+        self._kept_on_path.clear()
         for spline in self.parametrization.splines_within_loads(motion, names):
-            if self._near_instants(spline.trajectory, rounded, None) is None:
+            if self._is_as_clear(spline.trajectory, rounded):
                 self.left_path = True
                 return spline
         return None
@@ -206,58 +222,9 @@ class _RoundedMotion:
             return None
         parts = even_parts(float(rounded.breaks[-1]), len(self.points) - 1, SPAN_RATES[0])
         spline = self.parametrization.spline_near(rounded, names, parts)
-        if spline is None:
+        if spline is None or not self._is_allowed(spline.trajectory):
             return None
-        motion = spline.trajectory
-        looked = motion.breaks, motion.coefficients
-        if self.holds is not None and not self.holds(
-            states_between(*looked, _INSTANTS * motion.pieces)
-        ):
-            return None
-        if len(self._outside_limits(motion)):
-            return None
-        return _Wide(reaches, spline, close_instants(self.preferred[0], *looked))
-
-    def _spline_near(
-        self,
-        rounded: Pieces,
-        rate: float,
-        names: tuple[str, ...],
-        nearest: list[ScaledTime],
-        known: _Wide | None,
-    ) -> ScaledTime | None:
-        """The spline near a motion that keeps as clear, with more spans where that is needed.
-
-        Args:
-            rounded: The motion.
-            rate: Spans for each second of it at first [1/s].
-            names: Names of the joints.
-            nearest: The splines that come too near are added.
-            known: The first of the splines, if it was checked before.
-        """
-        duration = float(rounded.breaks[-1])
-        parts = even_parts(duration, len(self.points) - 1, rate)
-        # Spans of a spline that comes too near are halved so often.
-        for _ in range(4):
-            if known is not None:
-                spline: ScaledTime | None = known.spline
-            else:
-                spline = self.parametrization.spline_near(rounded, names, parts)
-            if spline is None:
-                return None
-            motion = spline.trajectory
-            near = self._near_instants(motion, rounded, None if known is None else known.close)
-            known = None
-            if near is None:
-                return spline
-            nearest.append(spline)
-            if not len(near):
-                return None
-            parts = finer_parts(parts, motion, near)
-            # Spans for each second at most [1/s], but so many are few in any case.
-            if len(parts) - 1 > max(16.0 * duration, 20):
-                return None
-        return None
+        return _Wide(reaches, spline, _keeps(self.preferred[0], spline.trajectory))
 
     def _reaches(self, *, even: bool = False) -> Array:
         """Reaches of the corners that are proved free, found once for each way to pass them."""
@@ -287,66 +254,103 @@ class _RoundedMotion:
             preferred=[level for level in self.preferred if level is not self.checker],
         )
 
-    def _near_instants(
-        self, motion: Trajectory, rounded: Pieces, close: CloseInstants | None
-    ) -> Array | None:
-        """Instants at which a motion is nearer than preferred and the rounded one is not, (k,) [s].
-
-        None where there are none; k = 0 where it is refused for something else. ``close`` are those
-        at which it does not keep the first level, where they are known.
-        """
-        looked = motion.breaks, motion.coefficients, _INSTANTS * motion.pieces
-        states = None if self.holds is None else states_between(*looked)
-        if self.holds is not None and states is not None and not self.holds(states):
-            return np.empty(0)
-        outside = self._outside_limits(motion)
-        if len(outside):
-            return outside
+    def _is_as_clear(self, motion: Trajectory, rounded: Pieces) -> bool:
+        """Whether a motion keeps the highest level that the rounded one keeps, or a higher one."""
+        if not self._is_allowed(motion):
+            return False
         for number, level in enumerate(self.preferred):
-            if number > 0 or close is None:
-                # What keeps the level above keeps this one, if it asks for no more.
-                is_lower = number > 0 and _asks_no_more(level, self.preferred[number - 1])
-                within = close.spans if is_lower and close is not None else WHOLE
-                close = close_instants(level, motion.breaks, motion.coefficients, within=within)
-            if not len(close.times):
-                return None
-            shares = close.times / motion.duration
-            apart = not_beside(shares, self._close_on_path(number, rounded, shares))
-            if len(apart):
-                return apart * motion.duration
-        states = states_between(*looked) if states is None else states
-        return None if self.checker.all_valid(states) else np.empty(0)
+            if _keeps(level, motion):
+                return True
+            if number not in self._kept_on_path:
+                self._kept_on_path[number] = _keeps(level, rounded)
+            if self._kept_on_path[number]:
+                return False
+        return self.checker.all_valid(_states(motion, _INSTANTS))
 
-    def _outside_limits(self, motion: Trajectory) -> Array:
-        """Instants at which a spline is outside the joints' limits that its path comes to, (k,)."""
+    def _is_allowed(self, motion: Trajectory) -> bool:
+        """Whether a motion that leaves the path holds constraints and the joints' limits."""
+        if self.holds is not None and not self.holds(_states(motion, _INSTANTS)):
+            return False
         limits = self.checker.model.chain.limits
         low, high = limits.lower, limits.upper
         # Splines swing over by milliradians. So near to a limit of a joint [rad or m] they are held
         # to it before they are proved, at so many instants of a piece.
         at_limit, limit_instants = 0.02, 8
-        if is_inside(self.points, low, high, at_limit):
-            return np.empty(0)
-        count = limit_instants * motion.pieces
-        return outside_instants(motion.breaks, motion.coefficients, count, low, high)
-
-    def _close_on_path(self, number: int, rounded: Pieces, shares: Array) -> Array:
-        """Shares at which the rounded motion is nearer than a level: beside some, or all, once."""
-        known, level = self._found_close, self.preferred[number]
-        duration = float(rounded.breaks[-1])
-        if number in known:
-            return known[number]
-        # Instants beside which a motion is checked for them alone.
-        if len(shares) <= 16:
-            within = duration * spans_beside(shares)
-            return close_instants(level, *rounded, within=within).times / duration
-        return known.setdefault(number, close_instants(level, *rounded).times / duration)
+        if _is_inside(self.points, low + at_limit, high - at_limit):
+            return True
+        states = _states(motion, limit_instants)
+        return _is_inside(states, low - RATIO_TOLERANCE, high + RATIO_TOLERANCE)
 
 
-def _asks_no_more(level: Checker, other: Checker) -> bool:
-    """Whether each state that keeps what a checker asks for keeps what a level does."""
-    margin, own = level.model.margin + level.slack, level.model.own_margin + level.slack
-    most, most_own = other.model.margin + other.slack, other.model.own_margin + other.slack
-    return margin <= most and own <= most_own
+def _states(motion: Trajectory, each: int) -> Array:
+    """States at so many instants of each piece of a motion, evenly spaced between its ends."""
+    count = each * motion.pieces
+    return motion.sample(np.arange(1, count + 1) * (motion.duration / (count + 1)))
+
+
+def _is_inside(points: Array, lower: Array, upper: Array) -> bool:
+    """Whether points (k, n) are inside limits (n,) of the joints."""
+    return bool(((lower <= points) & (points <= upper)).all())
+
+
+def _keeps(level: Checker, motion: Trajectory | Pieces, finely: int = 1) -> bool:
+    """Whether a motion keeps what a checker asks for, as far as looks at its states tell.
+
+    Args:
+        level: The robot in its scene, with the distances to be kept.
+        motion: The motion.
+        finely: Factor of the number of states that are looked at.
+    """
+    # 1 rad for each metre of the distance that is to be kept: a link that goes straight past a
+    # corner at a distance of 20 mm is 1 mm nearer there than 7 mm before.
+    spacing = min(max(level.model.margin, 0.01), 0.04) / finely
+    arrays, slack = level.model.arrays, float(level.slack)
+    return _keeps_directly()(arrays, motion.breaks, motion.coefficients, spacing, slack)
+
+
+@cache
+def _keeps_directly() -> Callable[[ModelArrays, Array, Array, float, float], bool]:
+    """``keeps_kernel`` without a check of its arguments' types."""
+    return direct(keeps_kernel, any_model(), np.zeros(1), np.zeros((1, 1, 1)), 0.0, 0.0)
+
+
+@kernel
+def keeps_kernel(
+    model: ModelArrays, breaks: Array, coefficients: Array, spacing: float, slack: float
+) -> bool:
+    """Whether all states of a motion are free that are looked at after equal ways.
+
+    Args:
+        model: The packed robot and scene.
+        breaks: Breaks of the motion, shape (m + 1,) [s].
+        coefficients: Coefficients of the motion, shape (m, n, k).
+        spacing: Way between two of them, Euclidean in joint space [rad or m].
+        slack: Distance to keep beyond the margins [m].
+    """
+    # Instants by which the way of the motion is measured, and looks at most.
+    parts, most, n = 32, 1024, coefficients.shape[1]
+    times, way = np.empty(parts + 1), np.zeros(parts + 1)
+    for k in range(parts + 1):
+        times[k] = k * (breaks[-1] / parts)
+    states = np.empty((parts + 1, n))
+    sample_kernel(breaks, coefficients, times, 0, states)
+    for k in range(parts):
+        square = 0.0
+        for j in range(n):
+            square += (states[k + 1, j] - states[k, j]) ** 2
+        way[k + 1] = way[k] + math.sqrt(square)
+    count = min(max(2, math.ceil(way[-1] / spacing)), most)
+    looked, at = np.empty(count + 1), 0
+    for k in range(count + 1):
+        gone = k * (way[-1] / count)
+        while at < parts - 1 and way[at + 1] < gone:
+            at += 1
+        left, length = gone - way[at], way[at + 1] - way[at]
+        share = min(left / length, 1.0) if length > 0.0 else 0.0
+        looked[k] = times[at] + share * (times[at + 1] - times[at])
+    states = np.empty((count + 1, n))
+    sample_kernel(breaks, coefficients, looked, 0, states)
+    return not mark_blocked(model, states, slack, np.empty(count + 1), True)
 
 
 def waypoint_splines(

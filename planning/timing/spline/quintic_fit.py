@@ -30,7 +30,7 @@ from planning.timing.spline.span_loads import (
 from planning.timing.time_scaling import ScaledTime, fit_kernel, scaled_motion
 
 #: Spans for each second of a motion that are tried in turn [1/s]: 13 and 20 pieces in 1.6 s. With
-#: more it keeps nearer to the path and takes a few per cent longer; ``finer_parts`` adds some.
+#: more it keeps nearer to the path and takes a few per cent longer.
 SPAN_RATES = (8.0, 12.0)
 #: Spans, at least.
 MIN_SPANS = 6
@@ -83,19 +83,6 @@ def even_parts(duration: float, legs: int | None, rate: float) -> Array:
         # Spans, at most, for each leg of the path: slow motions need no more than fast ones.
         count = min(count, max(MIN_SPANS, 6 * legs))
     return np.asarray(np.arange(count + 1) * (duration / count))
-
-
-def finer_parts(parts: Array, spline: Trajectory, times: Array) -> Array:
-    """The parts of a motion with those halved that a spline is not near enough to.
-
-    Args:
-        parts: Parts that the spline was fitted to by ``fit_pieces``, shape (N + 1,) [s].
-        spline: N spans.
-        times: Times at which the spline is too far from the motion, shape (k,) [s].
-    """
-    spans = np.searchsorted(spline.breaks, times, side="right") - 1
-    wide = np.unique(np.clip(spans, 0, len(parts) - 2))
-    return np.sort(np.concatenate([parts, 0.5 * (parts[wide] + parts[wide + 1])]))
 
 
 def fit_pieces(

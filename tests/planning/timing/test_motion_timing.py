@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from benchmarks.judges.ratios import worst_ratio
-from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, MissingLimit
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
@@ -22,7 +21,7 @@ from planning.proof.violation import Violation
 from planning.result import Failure, Plan
 from planning.timing import motion_timing
 from planning.timing.choice import chosen_parametrization
-from planning.timing.close_instants import WHOLE, CloseInstants
+from planning.timing.jerk.even_corners import Pieces
 from planning.timing.motion_timing import motions
 from planning.timing.options import Payload, TimingOptions
 from planning.values.deadline import Deadline
@@ -200,29 +199,15 @@ def test_a_spline_that_is_not_proved_gives_way_to_the_motion_on_the_path(
 
 @pytest.mark.parametrize(
     ("spline", "rounded", "solver"),
-    [
-        ((), (), "quintic_spline"),
-        ((0.4,), (), "double_s"),
-        ((0.4,), (0.4,), "quintic_spline"),
-        ((0.1, 0.4), (0.1,), "double_s"),
-    ],
+    [(True, True, "quintic_spline"), (False, True, "double_s"), (False, False, "quintic_spline")],
 )
-def test_a_spline_is_nowhere_near_but_where_its_path_is(
-    monkeypatch: pytest.MonkeyPatch,
-    spline: tuple[float, ...],
-    rounded: tuple[float, ...],
-    solver: str,
+def test_a_spline_keeps_the_clearance_that_its_path_keeps(
+    monkeypatch: pytest.MonkeyPatch, spline: bool, rounded: bool, solver: str
 ) -> None:
-    """With instants, as shares of the motion, at which the spline and its path are too near."""
+    def keeps(_: Checker, motion: Trajectory | Pieces, finely: int = 1) -> bool:
+        return spline if motion.coefficients.shape[2] == 6 else rounded
 
-    def close(
-        _: Checker, breaks: Array, coefficients: Array, within: Array = WHOLE
-    ) -> CloseInstants:
-        places = spline if coefficients.shape[2] == 6 else rounded
-        times = np.asarray(np.array(places) * breaks[-1], np.float64)
-        return CloseInstants(times, times[:, None] + np.array([-0.01, 0.01]))
-
-    monkeypatch.setattr(motion_timing, "close_instants", close)
+    monkeypatch.setattr(motion_timing, "_keeps", keeps)
     checker = Checker.of(builtin("panda"), Scene())
     points = np.array([HOME, 0.5 * (HOME + ASIDE) + 0.2, ASIDE])
     chain = builtin("panda").chain
@@ -232,6 +217,17 @@ def test_a_spline_is_nowhere_near_but_where_its_path_is(
     level = Checker(checker.model)
     ways = motions(checker, points, parametrization, timing, deadline, [level])
     assert next(way().solver for way in ways) == solver
+
+
+@pytest.mark.parametrize("margin", [0.05, 0.2, 0.3, 0.5])
+def test_a_motion_keeps_a_distance_where_all_its_states_do(margin: float) -> None:
+    """Past a post, which most of it is near by 30 cm."""
+    goal, post = np.array([1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]), pillar(0.6, 0.505)
+    answer = planned_motion(Problem(builtin("panda"), post, HOME, (JointGoal(goal),)), Options())
+    motion, model = answer.trajectory, Checker.of(builtin("panda"), post).model
+    level = Checker(model.with_margins(margin, 0.0))
+    states = motion.sample(np.linspace(0.0, motion.duration, 2000))
+    assert motion_timing._keeps(level, motion) == level.all_valid(states)
 
 
 @pytest.mark.parametrize(
