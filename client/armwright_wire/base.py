@@ -1,8 +1,11 @@
 """Parts of every model on the wire: strictness, numbers, vectors and names."""
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from functools import cache
+from importlib.resources import files
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -60,6 +63,22 @@ class ArrayLike(Protocol):
 VectorLike: TypeAlias = Sequence[float] | ArrayLike
 #: What may be given where rows of numbers are taken.
 RowsLike: TypeAlias = Sequence[Sequence[float]] | Sequence[ArrayLike] | ArrayLike
+
+
+@cache
+def _all_examples() -> dict[str, list[JsonValue]]:
+    text = files("armwright_wire").joinpath("examples.json").read_text("utf-8")
+    made: dict[str, list[JsonValue]] = json.loads(text)
+    return made
+
+
+def examples(model: str) -> list[JsonValue]:
+    """The examples of a model in its JSON schema, those of ``examples.json``.
+
+    Args:
+        model: Name of the class.
+    """
+    return _all_examples()[model]
 
 
 class Wire(BaseModel):

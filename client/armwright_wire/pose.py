@@ -22,6 +22,7 @@ from armwright_wire.base import (
     any_given,
     as_json,
     exactly_one,
+    examples,
 )
 
 if TYPE_CHECKING:
@@ -234,15 +235,6 @@ Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", 
 #: Motions that one request composes.
 MAX_MOTIONS = 1_000
 
-_EXAMPLE: JsonDict = {
-    "motions": [
-        {"axis_angle": [0.0, 0.0, 1.0, 1.5707963267948966]},
-        {"axis_angle": [1.0, 0.0, 0.0, 1.5707963267948966], "about": "current"},
-        {"position": [0.0, 0.0, 0.5], "about": "fixed"},
-    ],
-    "angular_velocity": [0.0, 0.0, 1.0],
-}
-
 
 if TYPE_CHECKING:
     # Where a pose is taken, so is one of an answer, and any where poses may name their frame.
@@ -308,7 +300,7 @@ class ConvertPoseRequest(Body):
 
     one_of: ClassVar[tuple[str, ...]] = ("pose", "motions")
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    model_config = ConfigDict(json_schema_extra={"examples": examples("ConvertPoseRequest")})
 
     pose: PoseForm | None = None
     motions: Annotated[list[Motion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = Field(

@@ -3,9 +3,8 @@
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
-from pydantic.config import JsonDict
 
-from armwright_wire.base import Answer, Frame, Name, NonNegative, Number, Ratio, Timeout
+from armwright_wire.base import Answer, Frame, Name, NonNegative, Number, Ratio, Timeout, examples
 from armwright_wire.motions.certificate import CertificateAnswer, Premises
 from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
@@ -23,29 +22,11 @@ Format = Literal[
     "krl",
 ]
 
-_EXAMPLE: JsonDict = {
-    "robot": "planar_rr",
-    "trajectory": {
-        "segments": [
-            {
-                "t0": 0.0,
-                "t1": 1.0,
-                "coefficients": [
-                    [0.0, 0.0, 0.0, 1.0, -1.5, 0.6],
-                    [0.5, 0.0, 0.0, 2.0, -3.0, 1.2],
-                ],
-            }
-        ]
-    },
-    "format": "csv",
-    "sample_period": 0.5,
-}
-
 
 class ExportRequest(WithTool, WithFingers):
     """A motion to be written for a controller, and proved as the controller interpolates it."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    model_config = ConfigDict(json_schema_extra={"examples": examples("ExportRequest")})
 
     robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
     scene: SceneReference | None = Field(None, examples=["table"])

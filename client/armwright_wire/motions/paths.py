@@ -3,20 +3,13 @@
 from typing import Literal
 
 from pydantic import ConfigDict, Field, model_validator
-from pydantic.config import JsonDict
 
-from armwright_wire.base import Answer, Frame, Name, NonNegative, Timeout
+from armwright_wire.base import Answer, Frame, Name, NonNegative, Timeout, examples
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.motions.retime import PathBody
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
 from armwright_wire.scenes.scene import SceneReference
 from armwright_wire.scenes.tool import WithTool
-
-_EXAMPLE: JsonDict = {
-    "path": {"joints": [[0.0, 0.0], [0.5, 0.1004], [1.0, 0.2], [1.2, 1.0]]},
-    "tolerance": 0.001,
-}
-
 
 #: Fields that mean nothing without a robot.
 _OF_ROBOT = ("scene", "frame", "attached", "allowed_collisions", "fingers", "tool", "tcp")
@@ -25,7 +18,7 @@ _OF_ROBOT = ("scene", "frame", "attached", "allowed_collisions", "fingers", "too
 class SimplifyRequest(WithTool, WithFingers):
     """A path to be told by the fewest waypoints within a tolerance, in a scene perhaps."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    model_config = ConfigDict(json_schema_extra={"examples": examples("SimplifyRequest")})
 
     path: PathBody
     tolerance: NonNegative = Field(

@@ -16,6 +16,7 @@ from armwright_wire.base import (
     Number,
     Positive,
     Timeout,
+    examples,
 )
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.motions.timing import Timing, TimingAnswer
@@ -28,23 +29,6 @@ MAX_WAYPOINTS = 20_000
 Waypoints = Annotated[list[JointVector], Field(min_length=1, max_length=MAX_WAYPOINTS)]
 Names = Annotated[list[Label], Field(min_length=1, max_length=MAX_JOINTS)]
 
-_EXAMPLE: JsonDict = {
-    "path": {"joints": [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0]]},
-    "limits": {"velocity": [1.0, 1.0], "acceleration": [4.0, 4.0], "jerk": [40.0, 40.0]},
-    "timing": {"method": "jerk_limited", "blend_tolerance": 0.05, "sample_period": 0.01},
-}
-
-_TOPPRA: JsonDict = {
-    "path": {"joints": [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0]]},
-    "limits": {"velocity": [1.0, 1.0], "acceleration": [4.0, 4.0]},
-    "timing": {"method": "toppra", "solver": "toppra", "interpolation": "natural_spline"},
-}
-
-_STATES: JsonDict = {
-    "from": {"position": [0.0, 0.0], "velocity": [0.5, 0.0], "acceleration": [1.0, 0.0]},
-    "to": {"position": [1.0, 0.5], "velocity": [0.0, 0.2]},
-    "limits": {"velocity": [1.0, 1.0], "acceleration": [4.0, 4.0], "jerk": [40.0, 40.0]},
-}
 
 #: Options of the timing between two states.
 _STATE_TIMING = {
@@ -127,7 +111,7 @@ class RetimeRequest(WithTool):
 
     model_config = ConfigDict(
         json_schema_extra={
-            "examples": [_EXAMPLE, _TOPPRA, _STATES],
+            "examples": examples("RetimeRequest"),
             "allOf": [{"anyOf": [_OF_PATH, _OF_STATES]}],
         }
     )

@@ -3,7 +3,6 @@
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import AliasChoices, ConfigDict, Field, model_validator
-from pydantic.config import JsonDict
 
 from armwright_wire.base import (
     MAX_BATCH,
@@ -23,6 +22,7 @@ from armwright_wire.base import (
     Vector3,
     Vector6,
     exactly_one,
+    examples,
 )
 from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.robots.dynamics import Payload, Tensor
@@ -280,29 +280,12 @@ class JointStops(Body):
     )
 
 
-_EXAMPLE: JsonDict = {
-    "robot": "planar_rr",
-    "trajectory": {
-        "segments": [
-            {
-                "t0": 0.0,
-                "t1": 1.0,
-                "coefficients": [[0, 0, 0, 10, -15, 6], [0.5, 0, 0, -10, 15, -6]],
-            }
-        ]
-    },
-    "controller": {"type": "computed_torque", "natural_frequency": 20.0, "damping": 1.0},
-    "model_error": {"mass_scale": 1.2},
-    "control_period": 0.001,
-}
-
-
 class SimulateRequest(WithTool):
     """A motion to be followed under a controller."""
 
     one_of: ClassVar[tuple[str, ...]] = ("trajectory", "reference")
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    model_config = ConfigDict(json_schema_extra={"examples": examples("SimulateRequest")})
 
     robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
     trajectory: TrajectoryBody | None = None

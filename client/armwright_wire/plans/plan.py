@@ -3,10 +3,8 @@
 from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import ConfigDict, Field, model_validator
-from pydantic.config import JsonDict
 
 from armwright_wire.base import (
-    JOINTS_EXAMPLE,
     Answer,
     Body,
     Frame,
@@ -19,6 +17,7 @@ from armwright_wire.base import (
     Positive,
     Seed,
     Timeout,
+    examples,
 )
 from armwright_wire.goals.constraint import Constraints
 from armwright_wire.goals.goal import (
@@ -90,27 +89,6 @@ class Refine(Body):
     )
 
 
-_EXAMPLE: JsonDict = {
-    "robot": "panda",
-    "scene": "table",
-    "start": {"joints": [*JOINTS_EXAMPLE]},
-    "goal": {"joints": [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]},
-    "timing": {"method": "toppra", "velocity_scaling": 0.5},
-    "timeout": 5.0,
-    "seed": 1,
-}
-
-
-_CARTESIAN: JsonDict = {
-    "robot": "panda",
-    "start": {"joints": [*JOINTS_EXAMPLE]},
-    "goal": {"pose": {"position": [0.45, 0.2, 0.5], "rpy": [3.14159, 0.0, 0.0]}},
-    "planner": "cartesian",
-    "planner_options": {"max_deviation": 1e-4},
-    "timing": {"method": "jerk_limited", "tool_speed": 0.25},
-    "timeout": 5.0,
-}
-
 #: Planners by the names of the service, as the contract lists them.
 Planner = Literal[
     "auto",
@@ -172,7 +150,7 @@ _OPTIONS = (
 class PlanRequest(WithTool, WithFingers, Keepable):
     """A motion to be planned."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _CARTESIAN]})
+    model_config = ConfigDict(json_schema_extra={"examples": examples("PlanRequest")})
 
     robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
     scene: SceneReference | None = Field(None, examples=["table"])

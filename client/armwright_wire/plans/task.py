@@ -4,10 +4,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
-from pydantic.config import JsonDict
 
 from armwright_wire.base import (
-    JOINTS_EXAMPLE,
     Answer,
     Beside,
     Body,
@@ -28,6 +26,7 @@ from armwright_wire.base import (
     Vector3,
     check_company,
     exactly_one,
+    examples,
 )
 from armwright_wire.goals.constraint import Constraints
 from armwright_wire.goals.goal import ConfigurationAnswer, Goal, GoalCosts, Start
@@ -382,63 +381,10 @@ class MovedObject(Body):
     pose: Pose = Field(description="where it stands, in the root frame")
 
 
-_EXAMPLE: JsonDict = {
-    "robot": "panda",
-    "scene": {
-        "obstacles": [
-            {
-                "id": "table",
-                "shape": {"type": "box", "size": [0.6, 1.0, 0.04]},
-                "pose": {"position": [0.6, 0.0, 0.08]},
-            },
-            {
-                "id": "crate",
-                "shape": {"type": "box", "size": [0.05, 0.05, 0.1]},
-                "pose": {"position": [0.5, -0.25, 0.15]},
-            },
-        ]
-    },
-    "start": {"joints": [*JOINTS_EXAMPLE]},
-    "stages": [
-        {"kind": "move"},
-        {"kind": "approach", "distance": [0.05, 0.1]},
-        {
-            "kind": "grasp",
-            "object": "crate",
-            "region": {
-                "pose": {"position": [0.0, 0.0, 0.02], "rpy": [3.14159265, 0.0, 0.0]},
-                "angles": [0.0, 6.28318531],
-            },
-            "touch_links": ["panda_hand"],
-            "support": "table",
-        },
-        {"kind": "close"},
-        {"kind": "attach", "object": "crate", "mass": 0.4},
-        {"kind": "lift", "distance": [0.05, 0.15]},
-        {"kind": "move"},
-        {"kind": "approach", "distance": [0.05, 0.1], "direction": [0, 0, -1], "frame": "root"},
-        {
-            "kind": "place",
-            "region": {
-                "pose": {"position": [0.5, 0.25, 0.15]},
-                "size": [0.1, 0.1],
-                "angles": [0.0, 6.28318531],
-            },
-            "support": "table",
-        },
-        {"kind": "open"},
-        {"kind": "detach"},
-        {"kind": "retreat", "distance": [0.05, 0.1]},
-        {"kind": "move", "goal": {"joints": [*JOINTS_EXAMPLE]}},
-    ],
-    "improve": 0.5,
-}
-
-
 class TaskRequest(WithTool, Keepable):
     """A sequence of stages to be planned as one."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    model_config = ConfigDict(json_schema_extra={"examples": examples("TaskRequest")})
 
     robot: Name = Field(description="name of the robot", examples=["panda"])
     scene: SceneReference | None = Field(

@@ -3,7 +3,6 @@
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_validator
-from pydantic.config import JsonDict
 
 from armwright_wire.base import (
     JOINTS_EXAMPLE,
@@ -23,6 +22,7 @@ from armwright_wire.base import (
     Timeout,
     check_company,
     exactly_one,
+    examples,
 )
 from armwright_wire.goals.constraint import Constraints
 from armwright_wire.goals.goal import (
@@ -106,27 +106,10 @@ def as_tour_goal(goal: GoalLike) -> TourGoal:
     return TourGoal(**given_fields(as_goal(goal)))
 
 
-_EXAMPLE: JsonDict = {
-    "robot": "panda",
-    "start": {"joints": [*JOINTS_EXAMPLE]},
-    "end": "start",
-    "goals": [
-        {
-            "id": f"hole_{k}",
-            "pose": {"position": [0.45, y, 0.4], "rpy": [3.14159, 0.0, 0.0]},
-            "tolerance": {"free": ["rz"], "samples": 4},
-            "dwell": 0.5,
-        }
-        for k, y in enumerate((0.2, -0.2, 0.0))
-    ],
-    "precedence": [["hole_1", "hole_0"]],
-}
-
-
 class TourRequest(WithTool, Keepable):
     """Goals to be visited in the order that takes the least time."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    model_config = ConfigDict(json_schema_extra={"examples": examples("TourRequest")})
 
     robot: Name = Field(description="the robot", examples=["panda"])
     scene: SceneReference | None = Field(None, description="what is in the way", examples=["table"])

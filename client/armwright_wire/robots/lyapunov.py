@@ -3,7 +3,6 @@
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_validator
-from pydantic.config import JsonDict
 
 from armwright_wire.base import (
     MAX_BATCH,
@@ -16,6 +15,7 @@ from armwright_wire.base import (
     Positive,
     check_company,
     exactly_one,
+    examples,
 )
 
 #: States of a linear system: more than any loop of an arm has.
@@ -25,15 +25,6 @@ _Row = Annotated[list[Number], Field(min_length=1, max_length=MAX_STATES)]
 SquareMatrix = Annotated[list[_Row], Field(min_length=1, max_length=MAX_STATES)]
 #: A formula of x1 ... xn.
 Formula = Annotated[str, Field(min_length=1, max_length=500)]
-
-_EXAMPLES: list[JsonDict] = [
-    {"A": [[0.0, 1.0], [-1.0, -1.0]], "P": [[1.0, 0.5], [0.5, 1.0]], "x": [0.5, 0.0]},
-    {
-        "f": ["x2", "-0.8*x2 - 4.9*sin(x1)"],
-        "V": "x2**2/2 + 4.9*(1 - cos(x1))",
-        "x": [0.6, -0.4],
-    },
-]
 
 
 class PendulumParameters(Body):
@@ -62,7 +53,7 @@ class LyapunovRequest(Body):
         "parameters": ("system",),
     }
 
-    model_config = ConfigDict(json_schema_extra={"examples": [*_EXAMPLES]})
+    model_config = ConfigDict(json_schema_extra={"examples": examples("LyapunovRequest")})
 
     A: SquareMatrix | None = Field(None, description="rows")
     P: SquareMatrix | None = Field(

@@ -5,7 +5,6 @@ import struct
 from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
-from pydantic.config import JsonDict
 
 from armwright_wire.base import (
     MAX_JOINTS,
@@ -24,6 +23,7 @@ from armwright_wire.base import (
     Vector3,
     any_given,
     exactly_one,
+    examples,
 )
 from armwright_wire.pose import Pose, PoseAnswer
 from armwright_wire.scenes.scene import Shape, check_base64
@@ -236,28 +236,6 @@ LimitsOfJoints = Annotated[
 ]
 
 
-_EXAMPLE: JsonDict = {
-    "name": "planar",
-    "dh": {
-        "convention": "standard",
-        "rows": [
-            {
-                "type": "revolute",
-                "a": 0.5,
-                "alpha": 0.0,
-                "d": 0.0,
-                "theta": 0.0,
-                "lower": -3.1,
-                "upper": 3.1,
-                "velocity": 2.0,
-            }
-        ],
-        "geometry": {"capsules": 0.05},
-    },
-    "joint_limits": {"joint_1": {"acceleration": 10.0}},
-}
-
-
 class RobotFields(Body):
     """Fields of a robot beside its description."""
 
@@ -332,7 +310,7 @@ class RobotBody(RobotFields):
 
     one_of: ClassVar[tuple[str, ...]] = ("urdf", "dh")
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    model_config = ConfigDict(json_schema_extra={"examples": examples("RobotBody")})
 
     urdf: Xml | None = Field(None, description="text of the URDF")
     srdf: Xml | None = Field(None, description="text of the SRDF that belongs to it")

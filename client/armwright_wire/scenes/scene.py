@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
-from pydantic.config import JsonDict
 
 from armwright_wire.base import (
     Answer,
@@ -23,6 +22,7 @@ from armwright_wire.base import (
     any_given,
     distinct,
     exactly_one,
+    examples,
 )
 from armwright_wire.pose import PoseInFrame
 
@@ -218,24 +218,6 @@ else:
         Discriminator(_form_of_pair),
     ]
 
-_EXAMPLE: JsonDict = {
-    "name": "table",
-    "obstacles": [
-        {
-            "id": "table_top",
-            "shape": {"type": "box", "size": [1.0, 0.8, 0.04]},
-            "pose": {"position": [0.6, 0.0, 0.2]},
-        },
-        {
-            "id": "post",
-            "shape": {"type": "cylinder", "radius": 0.05, "height": 0.6},
-            "pose": {"position": [0.5, 0.3, 0.5], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]},
-            "margin": 0.01,
-        },
-    ],
-    "allowed_collisions": [["panda_link0", "table_top"]],
-}
-
 
 class Obstacle(Body):
     """A shape at a pose, to be kept away from by its margin [m]."""
@@ -255,7 +237,7 @@ class Scene(Body):
 
     one_of: ClassVar[tuple[str, ...]] = ("obstacles", "moveit")
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    model_config = ConfigDict(json_schema_extra={"examples": examples("Scene")})
 
     name: Name | None = Field(None, description="under which it is stored, where it is")
     frame: Frame | None = None

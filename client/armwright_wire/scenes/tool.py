@@ -3,7 +3,6 @@
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
-from pydantic.config import JsonDict
 
 from armwright_wire.base import (
     Answer,
@@ -20,6 +19,7 @@ from armwright_wire.base import (
     Vector3,
     check_company,
     exactly_one,
+    examples,
 )
 from armwright_wire.pose import Pose
 from armwright_wire.scenes.scene import Shape
@@ -128,24 +128,6 @@ class ToolFinger(Body):
     )
 
 
-_EXAMPLE: JsonDict = {
-    "name": "gripper_a",
-    "tcp": {"tip": {"position": [0.0, 0.0, 0.15]}},
-    "solids": [
-        {
-            "shape": {"type": "cylinder", "radius": 0.04, "height": 0.1},
-            "pose": {"position": [0.0, 0.0, 0.05]},
-        }
-    ],
-    "mass": 0.9,
-    "center_of_mass": [0.0, 0.0, 0.06],
-}
-_BUILT_IN: JsonDict = {
-    "name": "gripper_b",
-    "form": {"type": "parallel_jaw", "opening": 0.06},
-}
-
-
 class Tool(Body):
     """A tool: tips, solids, mass and fingers in one frame, or a built-in one by its sizes."""
 
@@ -161,7 +143,7 @@ class Tool(Body):
         "grip": ("tcp",),
     }
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _BUILT_IN]})
+    model_config = ConfigDict(json_schema_extra={"examples": examples("Tool")})
 
     name: Name | None = Field(None, description="of its link once it is mounted")
     link: Label | None = Field(
