@@ -27,6 +27,8 @@ CURVES = {
     "accelerations [1/s²]": 2,
     _TOOL_SPEED: None,
 }
+#: Shown first.
+_FIRST = "positions [rad or m]"
 #: Height of a plot [pixel]: play and curves are in sight together.
 _PLOT_HEIGHT = 160
 #: Colours that people with defects of colour vision tell apart (Okabe and Ito).
@@ -54,7 +56,7 @@ class PlayPanel:
         self._slider = gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0, disabled=True)
         self._label = Text(gui, "No motion yet.")
         on_user_update(self._slider, self._seek)
-        self._curve = gui.add_dropdown("Curves", [*CURVES])
+        self._curve = gui.add_dropdown("Curves", [*CURVES], initial_value=_FIRST)
         on_user_update(self._curve, lambda _: self._show_curves())
         self._plot: viser.GuiUplotHandle | None = None
         self._plotted = gui.add_folder(None, visible=False)
