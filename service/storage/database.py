@@ -4,11 +4,21 @@ import fcntl
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event, inspect, make_url, text
+from sqlalchemy import (
+    Connection,
+    Engine,
+    Executable,
+    create_engine,
+    event,
+    inspect,
+    make_url,
+    text,
+)
 from sqlalchemy.engine import URL
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import (
@@ -233,6 +243,16 @@ class Database:
         """
         with self._noting_faults(), self._engine.connect() as connection:
             yield connection
+
+    def row(self, statement: Executable, values: Mapping[str, object] | None = None) -> Any:
+        """The one row that a statement finds; None if there is none."""
+        with self.reading() as connection:
+            return connection.execute(statement, values).one_or_none()
+
+    def rows(self, statement: Executable, values: Mapping[str, object] | None = None) -> list[Any]:
+        """All rows that a statement finds."""
+        with self.reading() as connection:
+            return list(connection.execute(statement, values).all())
 
     @contextmanager
     def transaction(self, *, durable: bool = True) -> Iterator[Connection]:

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 from alembic.migration import MigrationContext
 from alembic.operations import Operations
 
-from service.storage.tables import DEFAULT_TENANT, REVISIONS, SORTED_TEXT
+from service.storage.tables import DEFAULT_TENANT, REVISIONS, SORTED_TEXT, texts
 
 
 def upgrade(connection: sa.Connection, present: str | None) -> None:
@@ -34,16 +34,12 @@ def upgrade(connection: sa.Connection, present: str | None) -> None:
     connection.execute(version, {"revision": REVISIONS[-1]})
 
 
-def _texts(*names: str) -> list[sa.Column[Any]]:
-    return [sa.Column(name, sa.Text, nullable=False) for name in names]
-
-
 def _documents() -> list[sa.Column[Any]]:
     return [
-        *_texts("kind"),
+        *texts("kind"),
         sa.Column("name", SORTED_TEXT, nullable=False),
         sa.Column("content", sa.LargeBinary, nullable=False),
-        *_texts("hash"),
+        *texts("hash"),
         sa.Column("version", sa.Integer, nullable=False),
         sa.Column("created", sa.Double, nullable=False),
         sa.Column("updated", sa.Double, nullable=False),
@@ -52,7 +48,7 @@ def _documents() -> list[sa.Column[Any]]:
 
 def _answers() -> list[sa.Column[Any]]:
     return [
-        *_texts("key", "endpoint", "request_hash"),
+        *texts("key", "endpoint", "request_hash"),
         sa.Column("status", sa.Integer),
         sa.Column("headers", sa.Text),
         sa.Column("body", sa.LargeBinary),
@@ -74,9 +70,9 @@ def _first_tables(op: Operations) -> None:
     op.create_table(
         "jobs",
         sa.Column("id", SORTED_TEXT, primary_key=True),
-        *_texts("method", "path", "content_type"),
+        *texts("method", "path", "content_type"),
         sa.Column("request", sa.LargeBinary),
-        *_texts("status"),
+        *texts("status"),
         sa.Column("progress", sa.Double, nullable=False),
         sa.Column("stage", sa.Text),
         sa.Column("event", sa.Integer, nullable=False),
@@ -98,7 +94,7 @@ def _tenants(op: Operations) -> None:
             # SQLite can't change a primary key.
             op.rename_table(table, f"old_{table}")
             key_of_tenant = sa.PrimaryKeyConstraint("tenant", *key)
-            op.create_table(table, *_texts("tenant"), *columns(), key_of_tenant)
+            op.create_table(table, *texts("tenant"), *columns(), key_of_tenant)
             names = ", ".join(column.name for column in columns())
             op.execute(
                 f"INSERT INTO {table} (tenant, {names}) "  # nosec B608
@@ -135,7 +131,7 @@ def _keys(op: Operations) -> None:
     op.create_table(
         "api_keys",
         sa.Column("id", sa.Text, primary_key=True),
-        *_texts("tenant", "name", "digest", "scope"),
+        *texts("tenant", "name", "digest", "scope"),
         sa.Column("created", sa.Double, nullable=False),
         sa.Column("expires", sa.Double),
         sa.Column("revoked", sa.Double),
@@ -147,9 +143,9 @@ def _keys(op: Operations) -> None:
         "audit",
         sa.Column("id", sa.Integer, primary_key=True, autoincrement=True),
         sa.Column("time", sa.Double, nullable=False),
-        *_texts("tenant"),
+        *texts("tenant"),
         sa.Column("api_key", sa.Text),
-        *_texts("action", "target"),
+        *texts("action", "target"),
     )
     op.add_column("jobs", sa.Column("api_key", sa.Text))
 
@@ -164,16 +160,16 @@ def _plans(op: Operations) -> None:
     op.create_table(
         "plans",
         sa.Column("id", SORTED_TEXT, primary_key=True),
-        *_texts("tenant"),
+        *texts("tenant"),
         sa.Column("api_key", sa.Text),
-        *_texts("method", "path"),
+        *texts("method", "path"),
         sa.Column("request", sa.LargeBinary, nullable=False),
         sa.Column("status", sa.Integer, nullable=False),
         sa.Column("code", sa.Text),
         sa.Column("answer", sa.LargeBinary, nullable=False),
         *(sa.Column(name, sa.Text) for name in ("robot", "robot_hash", "scene", "scene_hash")),
         sa.Column("seed", sa.BigInteger),
-        *_texts("version", "digest"),
+        *texts("version", "digest"),
         sa.Column("created", sa.Double, nullable=False),
         sa.Column("job", sa.Text),
         sa.Column("replay_of", sa.Text),
@@ -181,7 +177,7 @@ def _plans(op: Operations) -> None:
     op.create_index("plans_by_tenant", "plans", ["tenant", "id"])
     op.create_table(
         "plan_documents",
-        *_texts("tenant", "hash"),
+        *texts("tenant", "hash"),
         sa.Column("content", sa.LargeBinary, nullable=False),
         sa.PrimaryKeyConstraint("tenant", "hash"),
     )

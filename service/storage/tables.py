@@ -23,15 +23,20 @@ DEFAULT_TENANT = "default"
 #: Text that sorts by code points in every database, as Python sorts it.
 SORTED_TEXT = Text().with_variant(Text(collation="C"), "postgresql")
 
+
+def texts(*names: str) -> list[Column[str]]:
+    """Columns of texts that are never absent."""
+    return [Column(name, Text, nullable=False) for name in names]
+
+
 #: Robots and scenes.
 documents = Table(
     "documents",
     METADATA,
-    Column("tenant", Text, nullable=False),
-    Column("kind", Text, nullable=False),
+    *texts("tenant", "kind"),
     Column("name", SORTED_TEXT, nullable=False),
     Column("content", LargeBinary, nullable=False),
-    Column("hash", Text, nullable=False),
+    *texts("hash"),
     Column("version", Integer, nullable=False),
     Column("created", Double, nullable=False),
     Column("updated", Double, nullable=False),
@@ -42,10 +47,7 @@ documents = Table(
 answers = Table(
     "answers",
     METADATA,
-    Column("tenant", Text, nullable=False),
-    Column("key", Text, nullable=False),
-    Column("endpoint", Text, nullable=False),
-    Column("request_hash", Text, nullable=False),
+    *texts("tenant", "key", "endpoint", "request_hash"),
     Column("status", Integer),
     Column("headers", Text),
     Column("body", LargeBinary),
@@ -61,11 +63,9 @@ jobs = Table(
     METADATA,
     Column("id", SORTED_TEXT, primary_key=True),
     Column("tenant", Text, nullable=False, server_default=DEFAULT_TENANT),
-    Column("method", Text, nullable=False),
-    Column("path", Text, nullable=False),
-    Column("content_type", Text, nullable=False),
+    *texts("method", "path", "content_type"),
     Column("request", LargeBinary),
-    Column("status", Text, nullable=False),
+    *texts("status"),
     Column("progress", Double, nullable=False),
     Column("stage", Text),
     Column("event", Integer, nullable=False),
@@ -97,10 +97,9 @@ plans = Table(
     "plans",
     METADATA,
     Column("id", SORTED_TEXT, primary_key=True),
-    Column("tenant", Text, nullable=False),
+    *texts("tenant"),
     Column("api_key", Text),
-    Column("method", Text, nullable=False),
-    Column("path", Text, nullable=False),
+    *texts("method", "path"),
     Column("request", LargeBinary, nullable=False),
     Column("status", Integer, nullable=False),
     Column("code", Text),
@@ -110,8 +109,7 @@ plans = Table(
     Column("scene", Text),
     Column("scene_hash", Text),
     Column("seed", BigInteger),
-    Column("version", Text, nullable=False),
-    Column("digest", Text, nullable=False),
+    *texts("version", "digest"),
     Column("created", Double, nullable=False),
     Column("job", Text),
     Column("replay_of", Text),
@@ -123,8 +121,7 @@ Index("plans_by_tenant", plans.c.tenant, plans.c.id)
 plan_documents = Table(
     "plan_documents",
     METADATA,
-    Column("tenant", Text, nullable=False),
-    Column("hash", Text, nullable=False),
+    *texts("tenant", "hash"),
     Column("content", LargeBinary, nullable=False),
     PrimaryKeyConstraint("tenant", "hash"),
 )
@@ -145,10 +142,7 @@ api_keys = Table(
     "api_keys",
     METADATA,
     Column("id", Text, primary_key=True),
-    Column("tenant", Text, nullable=False),
-    Column("name", Text, nullable=False),
-    Column("digest", Text, nullable=False),
-    Column("scope", Text, nullable=False),
+    *texts("tenant", "name", "digest", "scope"),
     Column("created", Double, nullable=False),
     Column("expires", Double),
     Column("revoked", Double),
@@ -163,8 +157,7 @@ audit = Table(
     METADATA,
     Column("id", Integer, primary_key=True, autoincrement=True),
     Column("time", Double, nullable=False),
-    Column("tenant", Text, nullable=False),
+    *texts("tenant"),
     Column("api_key", Text),
-    Column("action", Text, nullable=False),
-    Column("target", Text, nullable=False),
+    *texts("action", "target"),
 )

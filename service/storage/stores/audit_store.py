@@ -61,5 +61,4 @@ def last_entries(database: Database, limit: int) -> list[AuditEntry]:
         StorageUnavailable: The database can't be used now.
     """
     chosen = select(*_COLUMNS).order_by(audit.c.id.desc()).limit(limit)
-    with database.reading() as connection:
-        return [AuditEntry(*row) for row in connection.execute(chosen)]
+    return [AuditEntry(*row) for row in database.rows(chosen)]

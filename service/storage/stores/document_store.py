@@ -177,8 +177,7 @@ class DocumentStore:
         return self._cache.read((self._tenant, kind, name), lambda: self._look_up(kind, name))
 
     def _look_up(self, kind: str, name: str) -> Record:
-        with self._database.reading() as connection:
-            row = connection.execute(_FIND, self._parameters(kind, name)).one_or_none()
+        row = self._database.row(_FIND, self._parameters(kind, name))
         if row is None:
             raise _not_found(kind, name)
         return Record(*row)
@@ -189,8 +188,7 @@ class DocumentStore:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        with self._database.reading() as connection:
-            row = connection.execute(_GET, self._parameters(kind, name)).one_or_none()
+        row = self._database.row(_GET, self._parameters(kind, name))
         if row is None:
             raise _not_found(kind, name)
         *values, content = row
@@ -201,9 +199,7 @@ class DocumentStore:
         # Names that sort after one with a NUL are those that sort after the part before it.
         first = after.partition("\0")[0]
         bounds = {"of_tenant": self._tenant, "of_kind": kind, "after": first, "count": limit}
-        with self._database.reading() as connection:
-            rows = connection.execute(_LIST, bounds).all()
-        return [Record(*row) for row in rows]
+        return [Record(*row) for row in self._database.rows(_LIST, bounds)]
 
     def delete(self, kind: str, name: str, precondition: Precondition | None = None) -> None:
         """Forget a document.

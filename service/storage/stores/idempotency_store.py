@@ -105,8 +105,7 @@ class IdempotencyStore:
             is_worked_on = key in self._working
             self._working.add(key)
         if is_worked_on:
-            with self._database.reading() as connection:
-                row = connection.execute(self._earlier, _parameters(key)).one_or_none()
+            row = self._database.row(self._earlier, _parameters(key))
             if row is None:
                 raise _in_work(key)
             return _earlier(key, request_hash, *row)

@@ -102,7 +102,6 @@ _GET = select(*RECORD, jobs.c.answer_type, jobs.c.answer).where(jobs.c.id == bin
 _REQUEST = select(jobs.c.method, jobs.c.path, jobs.c.content_type, jobs.c.request).where(
     jobs.c.id == bindparam("of_id"), jobs.c.request.is_not(None)
 )
-_WITH_STATUS = select(*RECORD).where(jobs.c.status == bindparam("of_status")).order_by(jobs.c.id)
 _IS_CHUNK = jobs.c.parent.is_not(None)
 _COUNTS = select(jobs.c.status, func.count()).where(~_IS_CHUNK).group_by(jobs.c.status)
 #: Whether nothing comes after the status of a row.
@@ -176,8 +175,7 @@ class JobStore:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        with self._database.reading() as connection:
-            row = connection.execute(_GET, {"of_id": job_id}).one_or_none()
+        row = self._database.row(_GET, {"of_id": job_id})
         if row is None:
             raise no_job(job_id)
         *values, content_type, content = row
@@ -190,8 +188,7 @@ class JobStore:
         Raises:
             ProblemError: NOT_FOUND.
         """
-        with self._database.reading() as connection:
-            row = connection.execute(_REQUEST, {"of_id": job_id}).one_or_none()
+        row = self._database.row(_REQUEST, {"of_id": job_id})
         if row is None:
             raise no_job(job_id)
         method, path, content_type, body = row
@@ -274,15 +271,7 @@ class JobStore:
             chosen = chosen.where(jobs.c.status == status)
         if tenant is not None:
             chosen = chosen.where(jobs.c.tenant == tenant)
-        with self._database.reading() as connection:
-            rows = connection.execute(chosen).all()
-        return [JobRecord(*row) for row in rows]
-
-    def with_status(self, status: Status) -> Sequence[JobRecord]:
-        """All jobs of a status, oldest first."""
-        with self._database.reading() as connection:
-            rows = connection.execute(_WITH_STATUS, {"of_status": status}).all()
-        return [JobRecord(*row) for row in rows]
+        return [JobRecord(*row) for row in self._database.rows(chosen)]
 
     def counts(self, tenant: str | None = None) -> dict[Status, int]:
         """Number of jobs of each status.
@@ -291,8 +280,7 @@ class JobStore:
             tenant: Only those of one; all if left out.
         """
         chosen = _COUNTS if tenant is None else _COUNTS.where(jobs.c.tenant == tenant)
-        with self._database.reading() as connection:
-            rows = connection.execute(chosen).all()
+        rows = self._database.rows(chosen)
         counts: dict[Status, int] = dict(tuple(row) for row in rows)
         return {status: counts.get(status, 0) for status in STATUSES}
 

@@ -82,14 +82,12 @@ class KeyStore:
 
     def find(self, key_id: str) -> ApiKey | None:
         """The key of an id, valid or not."""
-        with self._database.reading() as connection:
-            row = connection.execute(_FIND, {"of_id": key_id}).one_or_none()
+        row = self._database.row(_FIND, {"of_id": key_id})
         return None if row is None else ApiKey(*row)
 
     def list(self) -> list[ApiKey]:
         """All keys, the oldest first."""
-        with self._database.reading() as connection:
-            return [ApiKey(*row) for row in connection.execute(_LIST)]
+        return [ApiKey(*row) for row in self._database.rows(_LIST)]
 
     def revoke(self, key_id: str) -> bool:
         """Refuse a key from now on; false if there is none, or it was revoked already."""
@@ -103,5 +101,4 @@ class KeyStore:
 
     def are_there_any(self) -> bool:
         """Whether a key was ever made: revoked ones count, so that revoking opens nothing."""
-        with self._database.reading() as connection:
-            return connection.execute(_ANY).one_or_none() is not None
+        return self._database.row(_ANY) is not None

@@ -139,8 +139,7 @@ class PlanStore:
         found = select(*_RECORD, plans.c.request, plans.c.answer).where(
             plans.c.id == plan_id.partition("\0")[0], plans.c.tenant == tenant
         )
-        with self._database.reading() as connection:
-            row = connection.execute(found).one_or_none()
+        row = self._database.row(found)
         if row is None:
             raise no_plan(plan_id)
         *values, request, answer = row
@@ -172,9 +171,7 @@ class PlanStore:
             chosen = chosen.where(plans.c.id < before.partition("\0")[0])
         if robot is not None:
             chosen = chosen.where(plans.c.robot == robot.partition("\0")[0])
-        with self._database.reading() as connection:
-            rows = connection.execute(chosen).all()
-        return [PlanRecord(*row) for row in rows]
+        return [PlanRecord(*row) for row in self._database.rows(chosen)]
 
     def delete(self, plan_id: str, tenant: str) -> None:
         """Forget a plan, and documents that no other one refers to.

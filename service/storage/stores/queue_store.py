@@ -124,8 +124,7 @@ class QueueStore:
 
     def is_open(self, job_id: str) -> bool:
         """Whether there is work on a job left, whoever does it."""
-        with self._database.reading() as connection:
-            return connection.execute(_IS_OPEN, {"of_id": job_id}).one_or_none() is not None
+        return self._database.row(_IS_OPEN, {"of_id": job_id}) is not None
 
     def load(self, api_key: str | None) -> Load:
         """Jobs of all servers that wait for agents or that these work on.
@@ -137,8 +136,7 @@ class QueueStore:
         counted = select(
             func.count(), func.count().filter(own), func.sum(func.length(jobs.c.request))
         ).where(~HAS_ENDED, jobs.c.carrier == AGENTS, jobs.c.parent.is_(None))
-        with self._database.reading() as connection:
-            count, of_key, size = connection.execute(counted).one()
+        count, of_key, size = self._database.row(counted)
         return Load(count, of_key, int(size or 0))
 
     # ------------------------------------------------------------------------------- chunks

@@ -105,7 +105,6 @@ def test_a_list_may_be_of_one_status(jobs: JobStore) -> None:
     for index, status in enumerate(STATUSES):
         found = [item.id for item in jobs.list(status, "", 10)]
         assert found == [record(index + 5).id, record(index).id]
-        assert [item.id for item in jobs.with_status(status)] == found[::-1]
     assert jobs.counts() == dict.fromkeys(STATUSES, 2)
 
 
