@@ -3,6 +3,7 @@
 import gzip
 import hashlib
 import json
+from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -48,47 +49,9 @@ _DOCS = (
 )
 Asset = Literal["swagger-ui-bundle.js", "swagger-ui.css", "favicon.png"]
 
-_START = f"""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>Armwright</title>
-<style>
-body {{ font: 1rem/1.5 system-ui, sans-serif; max-width: 40rem; margin: 3rem auto }}
-code {{ background: #8882; padding: .1em .3em }}
-</style>
-</head>
-<body>
-<h1>Armwright {VERSION}</h1>
-<p>Motion planning for robot arms: robot, scene, start and goal in; a timed trajectory out that is
-proved free of collisions and inside every limit at every instant.</p>
-<ul>
-<li><a href="docs">Documentation of the endpoints</a>, to try them out</li>
-<li><a href="openapi.json">The same as an OpenAPI document</a></li>
-<li><a href="v1/robots">Robots</a>, <a href="v1/scenes">scenes</a>, <a href="v1/jobs">jobs</a></li>
-<li><a href="v1/problems">Problems that are answered</a></li>
-<li><a href="readyz">Whether the service is ready</a>, <a href="metrics">metrics</a></li>
-</ul>
-<p>A first request: <code>POST /v1/plan</code>.</p>
-</body>
-</html>
-"""
-_DOCUMENTATION = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<title>Armwright: endpoints</title>
-<link rel="stylesheet" href="docs/swagger-ui.css">
-<link rel="icon" href="docs/favicon.png">
-</head>
-<body>
-<div id="endpoints"></div>
-<script src="docs/swagger-ui-bundle.js"></script>
-<script src="docs/start.js"></script>
-</body>
-</html>
-"""
+_PAGES = files("service.endpoints.pages")
+_START = _PAGES.joinpath("start.html").read_text("utf-8").replace("VERSION", VERSION)
+_DOCUMENTATION = _PAGES.joinpath("documentation.html").read_text("utf-8")
 _SCRIPT = (
     'SwaggerUIBundle({url: "openapi.json", dom_id: "#endpoints", deepLinking: true, '
     "validatorUrl: null});\n"

@@ -1,5 +1,7 @@
 """Robots by name, built-in ones among them."""
 
+import json
+from importlib.resources import files
 from typing import Annotated, Any, Literal
 
 from fastapi import Query, Request, Response
@@ -45,48 +47,7 @@ _OBJECTS = {
     "allow_suspected": "true",
     "visual_solids": "true",
 }
-_BODY = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "application/json": {"schema": {"$ref": "#/components/schemas/RobotBody"}},
-            "multipart/form-data": {
-                "schema": {
-                    "type": "object",
-                    "additionalProperties": False,
-                    "required": ["file"],
-                    "properties": {
-                        "file": {
-                            "type": "string",
-                            "format": "binary",
-                            "description": "a .zip with a URDF, its meshes and perhaps an SRDF",
-                        },
-                        "name": {
-                            "type": "string",
-                            "description": "the name of the file without .zip if left out",
-                        },
-                        "base_link": {"type": "string"},
-                        "tip_link": {"type": "string"},
-                        "urdf_path": {
-                            "type": "string",
-                            "description": "which .urdf file is meant where there are several",
-                        },
-                        "srdf_path": {"type": "string", "description": "the same of .srdf files"},
-                        "joint_limits": {
-                            "type": "string",
-                            "description": "JSON, or the text of a joint_limits.yaml",
-                        },
-                        "default_limits": {"type": "string", "description": "JSON"},
-                        "held": {"type": "string", "description": "JSON"},
-                        "motors": {"type": "string", "description": "JSON"},
-                        "allow_suspected": {"type": "string", "description": "true or false"},
-                        "visual_solids": {"type": "string", "description": "true or false"},
-                    },
-                }
-            },
-        },
-    }
-}
+_BODY = json.loads(files("service.endpoints.robots").joinpath("upload.json").read_text("utf-8"))
 
 
 @router.post(
