@@ -1,7 +1,7 @@
 """Second look at a certified answer that is to be kept, in a worker."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,12 +12,17 @@ from service.audit.bodies import Array, Part, Robot, Unread, pose, read_robot, s
 from service.audit.look import Cell, Motion, look
 from service.endpoints.attached_objects import RobotInScene
 from service.endpoints.plan.task import proof_question, question
+from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.storage.caches.recent import Recent
 from service.workers.task import GRACE, task
 
 #: Robots as they were sent, by the hash of their document.
 _ROBOTS = Recent(16)
+#: Reasons of pairs that a request lets touch, and not the robot itself.
+_ASKED = ("request", "scene", "touch_links", "support", "attached")
+#: Objects that are taken or put down stay where they are [m]; poses of a task are of a search.
+_STAYS = 1e-4
 
 
 @task(grace=GRACE)
@@ -45,6 +50,8 @@ def audit(
         _check_form(request)
         sent = _ROBOTS.get(robot.hash, lambda: _sent_robot(robot, documents[0]))
         obstacles = _obstacles(request, documents[1])
+        if "stages" in answer and "trajectory" not in answer:
+            return _task_faults(robot, sent, obstacles, request, answer)
         if "trajectory" in answer:
             _, around, problem = question(robot, scene, json.dumps(request).encode())
             motion, certificate = answer["trajectory"], answer["certificate"]
@@ -58,6 +65,92 @@ def audit(
     except Unread as reason:
         return str(reason)
     return look(cell, moves, int(certificate.get("cells") or 0))
+
+
+def _task_faults(
+    robot: Reference,
+    sent: Robot,
+    scene: Mapping[str, Any],
+    request: Mapping[str, Any],
+    answer: Mapping[str, Any],
+) -> list[dict[str, Any]]:
+    """Disagreements on the stages of a task, each of which is a proof of a motion by itself.
+
+    Stages in which fingers move are left out; what is taken or put down must stay where it is.
+    """
+    geometry = worker_cache.robot(robot).geometry
+    fingers = dict(request.get("fingers") or {})
+    chain = geometry.chain
+
+    def frames(joints: Sequence[str], q: Array) -> dict[str, Array]:
+        found = sent.frames({**geometry.fingers.positions, **fingers, **_named(joints, q)})
+        back = np.linalg.inv(found[chain.root_link])
+        found = {name: back @ T for name, T in found.items()}
+        return {**found, "tool": found[chain.tip_link]}
+
+    first = _motion(answer["stages"][0]["trajectory"])
+    start = frames(first.joints, first.at(0.0))
+    items = {item["id"]: dict(item) for item in scene["obstacles"]}
+    for item in items.values():
+        frame = item["pose"].get("frame") or scene["frame"]
+        T = (start[frame] if frame else np.eye(4)) @ pose(item["pose"])
+        item["pose"] = {"transform": T.tolist()}
+    for moved in request.get("objects") or ():
+        items[moved["id"]]["pose"] = moved["pose"]
+    held = {item["id"]: dict(item) for item in request.get("attached") or ()}
+    for item in held.values():
+        item.setdefault("shape", items.get(item["id"], {}).get("shape"))
+    faults: list[dict[str, Any]] = []
+    for stage in answer["stages"]:
+        motion, certificate, after = (stage[k] for k in ("trajectory", "certificate", "after"))
+        moves = _motion(motion)
+        begin = frames(moves.joints, moves.at(0.0))
+        before = _places(items, held, begin)
+        shapes = {name: item["shape"] for name, item in (items | held).items()}
+        held = {item["id"]: {**item, "shape": shapes[item["id"]]} for item in after["attached"]}
+        for placed in after["objects"]:
+            items[placed["id"]]["pose"] = placed["pose"]
+        for name, T in _places(items, held, begin).items():
+            off = float(np.linalg.norm((T - before[name])[:3]))
+            if off > _STAYS:
+                faults.append({"kind": "object", "body": name, "stage": stage["index"], "by": off})
+        if stage["fingers"] is None and certificate["proved"]["collisions"]:
+            asked = {
+                "robot": request["robot"],
+                "scene": {"obstacles": list(items.values())},
+                "trajectory": {name: motion[name] for name in ("joint_names", "segments")},
+                "attached": list(held.values()),
+                "allowed_collisions": [
+                    item["pair"]
+                    for item in certificate["allowed_collisions"]
+                    if item["reason"] in _ASKED
+                ],
+                "fingers": fingers or None,
+                "margin": certificate["premises"]["margin"],
+            }
+            body = ValidateRequest.model_validate(asked)
+            _, _, around = proof_question(robot, None, body)
+            own = {"frame": None, "obstacles": asked["scene"]["obstacles"]}
+            cell = _cell(asked, sent, own, around, certificate, moves, asked["margin"])
+            found = look(cell, moves, stage["index"])
+            faults += [{**fault, "stage": stage["index"]} for fault in found]
+        fingers |= after["fingers"]
+    return faults
+
+
+def _places(
+    items: Mapping[str, Any], held: Mapping[str, Any], frames: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Poses of all objects in the root frame, those that are held by the links' frames."""
+    places = {name: pose(item["pose"]) for name, item in items.items()}
+    for name, item in held.items():
+        if item.get("pose") is not None:
+            places[name] = frames[item["link"]] @ pose(item["pose"])
+    return places
+
+
+def _named(joints: Sequence[str], q: Array) -> dict[str, float]:
+    return dict(zip(joints, q.tolist(), strict=True))
 
 
 def _check_form(request: Mapping[str, Any]) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armwright_wire.plans.task import TaskRequest
 from armwright_wire.robots.robot import RobotBody
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
@@ -21,6 +22,7 @@ from planning.values.deadline import Deadline
 from service.endpoints.plan.task import plan
 from service.endpoints.plans.audit import audit
 from service.endpoints.robots.task import prepare_robot
+from service.endpoints.tasks.task import plan_sequence
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference, builtin_reference
 from service.storage.caches.disk_cache import PreparedRobot
@@ -271,3 +273,38 @@ def test_forms_that_are_not_read_are_told(
     asked = request("panda", 0) | changes
     content = json.dumps({"request": asked, "answer": {"verified": True}}).encode()
     assert reason in audit(arms["panda"][0], None, content, (None, None))
+
+
+@pytest.fixture(scope="module")
+def task_answer(arms: dict[str, tuple[Reference, bytes | None]]) -> tuple[Any, Any]:
+    """The task of the API's example, and its answer."""
+    asked: Any = TaskRequest.model_json_schema()["examples"][0] | {"improve": 0.0}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(current._Current, "deadline", Deadline.after(120.0))
+        planned = plan_sequence(arms["panda"][0], None, json.dumps(asked).encode())
+    assert isinstance(planned, bytes)
+    return asked, json.loads(planned)
+
+
+def look_at_task(arms: dict[str, tuple[Reference, bytes | None]], asked: Any, told: Any) -> Any:
+    content = json.dumps({"request": asked, "answer": told}).encode()
+    return audit(arms["panda"][0], None, content, (None, None))
+
+
+def test_other_code_agrees_with_the_stages_of_a_task(
+    arms: dict[str, tuple[Reference, bytes | None]], task_answer: tuple[Any, Any]
+) -> None:
+    assert any(stage["after"]["attached"] for stage in task_answer[1]["stages"])
+    assert look_at_task(arms, *task_answer) == []
+
+
+def test_an_object_that_is_taken_up_elsewhere_is_seen(
+    arms: dict[str, tuple[Reference, bytes | None]], task_answer: tuple[Any, Any]
+) -> None:
+    asked, told = task_answer
+    wrong = json.loads(json.dumps(told))
+    for stage in wrong["stages"]:
+        for item in stage["after"]["attached"]:
+            item["pose"]["position"][0] += 5e-3
+    found = look_at_task(arms, asked, wrong)
+    assert "object" in {fault["kind"] for fault in found}
