@@ -32,9 +32,9 @@ from obstacles.robots.robot_geometry import RobotGeometry as RobotGeometry
 from obstacles.robots.tool import Jaw as Jaw
 from obstacles.robots.tool import Solid as Solid
 from obstacles.robots.tool import Tool as Tool
+from obstacles.robots.tool import built_in_tool as built_in_tool
 from obstacles.robots.tool import mount as mount
 from obstacles.robots.tool import with_tip as with_tip
-from obstacles.robots.tool_forms import built_in_tool as built_in_tool
 from obstacles.scenes.moveit import scene_from_moveit as scene_from_moveit
 from obstacles.scenes.placement import place as place
 from obstacles.scenes.scene import AllowedContact as AllowedContact

@@ -23,8 +23,7 @@ from planning.pipeline import pipeline
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import Failure, Plan
 from planning.retiming import retime as timing
-from planning.retiming.near_path import PathToTime
-from planning.retiming.retime import Retimed
+from planning.retiming.retime import PathToTime, Retimed
 from planning.retiming.state_motion import time_states
 from planning.stops.certificate import StopCertificate, Surroundings
 from planning.stops.certificate import certify_stops as prove_stops

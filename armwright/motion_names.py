@@ -8,21 +8,21 @@ from armwright.motion import retime as retime
 from armwright.motion import retime_states as retime_states
 from armwright.motion import stop as stop
 from planning.configuration_check import ConfigurationReport as ConfigurationReport
-from planning.constraints.kinds.joint import JointConstraint as JointConstraint
+from planning.constraints.kinds.constraint import ConeConstraint as ConeConstraint
+from planning.constraints.kinds.constraint import JointConstraint as JointConstraint
+from planning.constraints.kinds.constraint import LookAtConstraint as LookAtConstraint
+from planning.constraints.kinds.constraint import OrientationConstraint as OrientationConstraint
+from planning.constraints.kinds.constraint import PositionConstraint as PositionConstraint
+from planning.constraints.kinds.constraint import (
+    RelativePoseConstraint as RelativePoseConstraint,
+)
 from planning.constraints.kinds.limit import ClearanceConstraint as ClearanceConstraint
 from planning.constraints.kinds.limit import ToolSpeedConstraint as ToolSpeedConstraint
 from planning.constraints.kinds.limit import TorqueConstraint as TorqueConstraint
-from planning.constraints.kinds.look_at import LookAtConstraint as LookAtConstraint
-from planning.constraints.kinds.orientation import ConeConstraint as ConeConstraint
-from planning.constraints.kinds.orientation import OrientationConstraint as OrientationConstraint
-from planning.constraints.kinds.position import PositionConstraint as PositionConstraint
 from planning.constraints.kinds.region import BoxRegion as BoxRegion
 from planning.constraints.kinds.region import LineRegion as LineRegion
 from planning.constraints.kinds.region import PlaneRegion as PlaneRegion
 from planning.constraints.kinds.region import SphereRegion as SphereRegion
-from planning.constraints.kinds.relative_pose import (
-    RelativePoseConstraint as RelativePoseConstraint,
-)
 from planning.exports.export import Export as Export
 from planning.exports.export import export as export
 from planning.exports.options import ExportFormat as ExportFormat

@@ -33,10 +33,13 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import Geometric
+from planning.constraints.kinds.constraint import (
+    ConeConstraint,
+    Geometric,
+    OrientationConstraint,
+    PositionConstraint,
+)
 from planning.constraints.kinds.limit import ClearanceConstraint
-from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import PlaneRegion, SphereRegion
 from planning.options import Options
 from planning.pipeline.pipeline import plan

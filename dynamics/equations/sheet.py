@@ -1,12 +1,34 @@
-"""All formulas of a robot, written in one notation."""
+"""All formulas of a robot, written in one notation.
 
-from collections.abc import Iterator, Sequence
+The equations of motion as Y(q, q_dot, q_ddot) Theta with the fewest parameters, in symbols.
+
+Theta holds combinations of masses, lengths and inertias, as m_2 l_1 l_c2; Y holds what is known of
+a state. The products of angles, velocities and accelerations in tau are linearly independent
+functions, so each of them has one polynomial in the parameters before it; Theta is a basis of
+these polynomials.
+
+A sheet of formulas as one page of LaTeX or plain text.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from dynamics.equations.formula import Collect, factored, formula, numeric_value
+from dynamics.equations.formula import (
+    Angle,
+    Collect,
+    Powers,
+    Sum,
+    Term,
+    factored,
+    formula,
+    numeric_value,
+    real_terms,
+    sum_of_terms,
+)
 from dynamics.equations.motion import (
     MAX_ENTRY_TERMS,
     MAX_JOINTS,
@@ -16,8 +38,7 @@ from dynamics.equations.motion import (
     tool_jacobian,
 )
 from dynamics.equations.parameters import Parameter
-from dynamics.equations.polynomial import Polynomials, TooManyTerms, determinant
-from dynamics.equations.regressor import symbolic_regressor
+from dynamics.equations.polynomial import Polynomial, Polynomials, TooManyTerms, determinant
 from dynamics.equations.table import SymbolicTable, symbolic_table
 from dynamics.equations.writing import Notation, Writer
 from dynamics.model.body import SMOOTH_SPEED
@@ -274,3 +295,180 @@ def _regressor(pen: _Pen, motion: SymbolicMotion) -> Regressor:
         tuple(pen.writer.write(parameter) for parameter in symbolic.parameters),
         tuple(numeric_value(parameter, values) for parameter in symbolic.parameters),
     )
+
+
+#: Coefficients are integers over small powers of two; what is below is rounding of a solution.
+_ZERO = 1e-9
+#: Kinds of symbols that are no parameters: joint variables, gravity, and fixed frames.
+_KNOWN = ("q", "qd", "qdd", "g", "f", "b", "t")
+
+_Row = dict[Powers, float]
+
+
+@dataclass(frozen=True, slots=True)
+class SymbolicRegressor:
+    """The regressor of n joints and its p parameters.
+
+    Args:
+        regressor: Y, n rows of p formulas.
+        parameters: Theta, p formulas in masses, lengths and inertias.
+    """
+
+    regressor: tuple[tuple[Sum, ...], ...]
+    parameters: tuple[Sum, ...]
+
+
+def symbolic_regressor(table: SymbolicTable, torques: Polynomials) -> SymbolicRegressor:
+    """The regressor of the equations of motion.
+
+    Args:
+        table: The robot.
+        torques: tau of symbols q, q_dot and q_ddot, (n,).
+    """
+    rows = [_by_function(table, torque) for torque in torques]
+    polynomials = [_scaled(p) for row in rows for p in row.values()]
+    basis = _basis(polynomials)
+    regressor = []
+    for row in rows:
+        columns: list[list[Term]] = [[] for _ in basis]
+        for function, polynomial in row.items():
+            for k, share in enumerate(_shares(basis, polynomial)):
+                if abs(share) > _ZERO:
+                    columns[k].append(Term(share, function))
+        regressor.append(tuple(sum_of_terms(terms, Collect.ANGLES) for terms in columns))
+    parameters = tuple(
+        sum_of_terms([Term(value, powers) for powers, value in p.items()], Collect.MASSES)
+        for p in basis
+    )
+    return SymbolicRegressor(tuple(regressor), parameters)
+
+
+def _by_function(table: SymbolicTable, torque: Polynomial) -> dict[Powers, _Row]:
+    """The polynomial in the parameters before each function of the state."""
+    found: dict[Powers, _Row] = defaultdict(dict)
+    for term in real_terms(table, torque, pair=False):
+        known = tuple(item for item in term.powers if _is_known(item[0]))
+        parameters = tuple(item for item in term.powers if not _is_known(item[0]))
+        found[known][parameters] = term.coefficient
+    return found
+
+
+def _is_known(factor: Angle | str) -> bool:
+    return isinstance(factor, Angle) or factor.partition("_")[0] in _KNOWN
+
+
+def _scaled(polynomial: Mapping[Powers, float]) -> _Row:
+    """A polynomial times the number that makes its smallest coefficient 1."""
+    size = min(abs(value) for value in polynomial.values())
+    first = next(iter(polynomial.values()))
+    return {powers: value / np.copysign(size, first) for powers, value in polynomial.items()}
+
+
+def _basis(polynomials: Sequence[_Row]) -> list[_Row]:
+    """Linearly independent polynomials that all are sums of, the shortest of them."""
+    order = sorted(range(len(polynomials)), key=lambda i: (len(polynomials[i]), i))
+    chosen: list[int] = []
+    for i in order:
+        basis = [polynomials[k] for k in chosen]
+        if not basis or _residual(basis, polynomials[i]) > _ZERO:
+            chosen.append(i)
+    return [polynomials[i] for i in sorted(chosen)]
+
+
+def _shares(basis: Sequence[_Row], polynomial: _Row) -> list[float]:
+    matrix, right = _linear(basis, polynomial)
+    solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    # Shares are whole numbers over small powers of two.
+    return [round(float(value) * 64.0) / 64.0 for value in solution]
+
+
+def _residual(basis: Sequence[_Row], polynomial: _Row) -> float:
+    matrix, right = _linear(basis, polynomial)
+    solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    return float(np.abs(matrix @ solution - right).max())
+
+
+def _linear(basis: Sequence[_Row], polynomial: _Row) -> tuple[np.ndarray, np.ndarray]:
+    monomials = sorted({m for row in (*basis, polynomial) for m in row}, key=repr)
+    matrix = np.array([[row.get(m, 0.0) for row in basis] for m in monomials])
+    return matrix, np.array([polynomial.get(m, 0.0) for m in monomials])
+
+
+def write_page(sheet: Sheet) -> str:
+    """All formulas on one page.
+
+    LaTeX uses ``bmatrix`` of amsmath; plain text has one entry a line.
+
+    Args:
+        sheet: The formulas.
+    """
+    lines = _latex(sheet) if sheet.notation is Notation.LATEX else _text(sheet)
+    return "\n".join(lines) + "\n"
+
+
+def _latex(sheet: Sheet) -> Iterator[str]:
+    for symbol, meaning in sheet.abbreviations:
+        yield rf"\[ {symbol} = {meaning} \]"
+    for i, step in enumerate(sheet.transformations, start=1):
+        yield _latex_matrix(f"H_{{{i}}}^{{{i - 1}}}", step)
+    yield _latex_matrix(r"\begin{bmatrix} R & O \end{bmatrix}", sheet.frame)
+    yield _latex_matrix("J(q)", sheet.jacobian)
+    if sheet.determinant is not None:
+        yield rf"\[ \det J = {sheet.determinant} \]"
+    if sheet.motion is None:
+        return
+    motion = sheet.motion
+    yield rf"\[ {motion.equation} \]"
+    yield _latex_matrix("D(q)", motion.mass_matrix)
+    for i, j, k, symbol in motion.christoffel_symbols or ():
+        yield rf"\[ c_{{{i}{j}{k}}} = {symbol} \]"
+    yield _latex_matrix(r"C(q, \dot{q})", motion.coriolis_matrix)
+    yield rf"\[ \mathcal{{U}}(q) = {motion.potential_energy} \]"
+    yield _latex_matrix("G(q)", _column(motion.gravity))
+    if motion.regressor is not None:
+        yield _latex_matrix(r"Y(q, \dot{q}, \ddot{q})", motion.regressor.regressor)
+        yield _latex_matrix(r"\Theta", _column(motion.regressor.parameters))
+
+
+def _column(entries: Iterable[str]) -> Matrix:
+    return tuple((entry,) for entry in entries)
+
+
+def _latex_matrix(name: str, rows: Matrix) -> str:
+    body = r" \\ ".join(" & ".join(row) for row in rows)
+    return rf"\[ {name} = \begin{{bmatrix}} {body} \end{{bmatrix}} \]"
+
+
+def _text(sheet: Sheet) -> Iterator[str]:
+    for symbol, meaning in sheet.abbreviations:
+        yield f"{symbol} = {meaning}"
+    for i, step in enumerate(sheet.transformations, start=1):
+        yield from _entries(f"H_{i}", step)
+    yield from _entries("T", sheet.frame)
+    yield from _entries("Jacobian", sheet.jacobian)
+    if sheet.determinant is not None:
+        yield f"det_J = {sheet.determinant}"
+    if sheet.motion is not None:
+        yield from _text_motion(sheet.motion)
+
+
+def _text_motion(motion: Motion) -> Iterator[str]:
+    yield motion.equation
+    yield from _entries("D", motion.mass_matrix)
+    for i, j, k, symbol in motion.christoffel_symbols or ():
+        yield f"c_{i}{j}{k} = {symbol}"
+    yield from _entries("C", motion.coriolis_matrix)
+    yield f"U = {motion.potential_energy}"
+    yield from _entries("G", _column(motion.gravity))
+    if motion.regressor is not None:
+        yield from _entries("Y", motion.regressor.regressor)
+        yield from _entries("Theta", _column(motion.regressor.parameters))
+
+
+def _entries(name: str, rows: Matrix) -> Iterator[str]:
+    """One line for each entry of a matrix that is not 0."""
+    for i, row in enumerate(rows, start=1):
+        for j, entry in enumerate(row, start=1):
+            if entry != "0":
+                index = f"{i}" if len(row) == 1 else f"{i}{j}"
+                yield f"{name}_{index} = {entry}"

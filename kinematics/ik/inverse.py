@@ -11,7 +11,7 @@ from kinematics.arrays import Array, Indices, frozen
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.ik.closed_form.analytic import Branches, branches, closed_form, middle, parameter
-from kinematics.ik.closed_form.arm_reach import out_of_reach
+from kinematics.ik.closed_form.arm_parts import out_of_reach
 from kinematics.ik.closed_form.refine import GROUP
 from kinematics.ik.closed_form.structure import Structure, structure
 from kinematics.ik.closed_form.subproblem import EXACT

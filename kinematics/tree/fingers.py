@@ -14,7 +14,7 @@ from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.pose import from_axis_angle, transform
 from kinematics.tree.description import JointDescription, RobotDescription
-from kinematics.tree.mimic_limits import LeaderLimits, leader_limits
+from kinematics.tree.joint_limits import LeaderLimits, leader_limits
 from kinematics.tree.serial_chain import Selection
 from kinematics.tree.srdf import Semantics
 

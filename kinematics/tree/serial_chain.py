@@ -15,9 +15,9 @@ from kinematics.model.mimic_joint import MimicJoint
 from kinematics.pose import align_z, from_axis_angle, inverse, transform
 from kinematics.tree.chain_ends import choose_ends, joints_above, joints_between, leaves
 from kinematics.tree.description import JointDescription, RobotDescription
-from kinematics.tree.joint_limits import joint_limit_values
-from kinematics.tree.mimic_limits import (
+from kinematics.tree.joint_limits import (
     Led,
+    joint_limit_values,
     leader_limits,
     mimic_notes,
     mimic_relations,

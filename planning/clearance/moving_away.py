@@ -29,8 +29,16 @@ from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays, at_margins
 from obstacles.collision.proximity import NearPairs, near_pairs_in, stand_in
 from obstacles.collision.state_check import verdict_in
-from planning.search.sampled_check import Look, distance, look_of, looks_free
-from planning.search.shortcut import Held, is_free, path_length, skip_waypoints
+from planning.search.shortcut import (
+    Held,
+    Look,
+    distance,
+    is_free,
+    look_of,
+    looks_free,
+    path_length,
+    skip_waypoints,
+)
 from planning.values.deadline import Deadline
 
 #: Waypoints that a path is cut into at most: more are left as they are.

@@ -27,8 +27,7 @@ from obstacles.collision.checker import Checker, any_model
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays, at_margins
 from obstacles.collision.proximity import line_deficit
-from planning.search.sampled_check import Look, all_look_free, look_of
-from planning.search.shortcut import Held, are_proved, is_free
+from planning.search.shortcut import Held, Look, all_look_free, are_proved, is_free, look_of
 from planning.timing.estimate import LEG_ROWS, Leg, estimated_time
 
 #: States looked at for their clearance are this far apart at most, Euclidean in joint space.

@@ -5,9 +5,8 @@ import numpy as np
 from kinematics.arrays import Array
 from planning.constrained.ik import ConstrainedSolution, IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import Constraint
+from planning.constraints.kinds.constraint import Constraint, RelativePoseConstraint
 from planning.constraints.kinds.limit import ClearanceConstraint
-from planning.constraints.kinds.relative_pose import RelativePoseConstraint
 from planning.problem import PoseGoal, Problem
 from planning.values.deadline import Deadline
 

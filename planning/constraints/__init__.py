@@ -1,1 +1,1 @@
-"""Constraints on configurations and motions, as values: one kind a file."""
+"""Constraints on configurations and motions, as values."""

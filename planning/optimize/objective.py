@@ -24,7 +24,7 @@ from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
 from planning.optimize.iterate import Iterate
-from planning.optimize.response import torques
+from planning.optimize.linearization import torques
 from planning.optimize.rows import local_matrix
 from planning.optimize.task import Task
 from planning.values.limits import JERK_JUMP

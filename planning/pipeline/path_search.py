@@ -27,10 +27,9 @@ from planning.pipeline.planners import CASCADE
 from planning.planner import Planner, Query
 from planning.preflight_result import Ready
 from planning.problem import Problem
-from planning.result import Attempt, Failure
+from planning.result import Attempt, Failure, Stages
 from planning.search.shortcut import path_is_free, shortcut
 from planning.search.straight_line import StraightLine
-from planning.stages import Stages
 from planning.values.deadline import Deadline
 from planning.values.joint_barrier import JointBarrier, joint_barrier
 

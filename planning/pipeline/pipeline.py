@@ -18,8 +18,13 @@ from planning.clearance_report import clearance_report
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.path_constraints import apply_path_constraints
 from planning.contact_cores import with_cores
-from planning.goal_choice.chosen_configuration import deviation_note, plan_configuration
-from planning.goal_choice.goal_order import MAX_EDGES, MAX_LONGER, ends_off_limits
+from planning.goal_choice.goal_order import (
+    MAX_EDGES,
+    MAX_LONGER,
+    deviation_note,
+    ends_off_limits,
+    plan_configuration,
+)
 from planning.options import Options, with_limits
 from planning.pipeline.optimize_stage import (
     MOST_OFFERS,
@@ -38,8 +43,7 @@ from planning.preflight_result import Ready
 from planning.problem import Problem
 from planning.proof.certificate import Certificate, certify
 from planning.proof.violation import Violation
-from planning.result import Failure, Path, Plan
-from planning.stages import Stages
+from planning.result import Failure, Path, Plan, Stages
 from planning.stops.certificate import StopCertificate
 from planning.timing.choice import chosen_parametrization
 from planning.timing.failure import TimingFailed

@@ -1,25 +1,208 @@
-"""One request to one of OMPL's planners: seeded, watched, and its answer checked again."""
+"""One request to one of OMPL's planners: seeded, watched, and its answer checked again.
+
+Probabilistic roadmaps: OMPL grows them, the shortest path through them is found here.
+
+OMPL's own search runs in a second thread beside the growing, so its answer depends on how fast
+each of them is. Every edge of the roadmap was proved through ``CertifiedEdges``, which keeps them.
+
+Stopping rules of a planner, and its progress until then.
+"""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from ompl import base, geometric, util
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from planning.planner import Query
-from planning.result import Attempt
+from planning.result import Attempt, Progress
 from planning.sampling.parameter import Value
 from planning.sampling.planners import Planner, complete_options, planner_by_name
-from planning.sampling.roadmap import grow_roadmap
 from planning.sampling.space import CertifiedEdges, problem, solution
-from planning.sampling.watch import Watch
 from planning.values.deadline import Deadline
 from planning.values.search_trees import Explored
+
+#: Memory that a planner may fill before it is stopped [bytes].
+MAX_MEMORY = 1 << 30
+#: Where Linux says how many pages a process has.
+_STATM = Path("/proc/self/statm")
+
+
+def resident() -> int:
+    """Memory of this process [bytes]; 0 where that can't be told."""
+    try:
+        # Size of a page of memory [bytes].
+        return 4096 * int(_STATM.read_text().split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0
+
+
+@dataclass(slots=True)
+class Watch:
+    """Asked by a planner, again and again, whether to stop.
+
+    Args:
+        deadline: Instant at which time is up.
+        edges: Number of edges that were checked so far.
+        max_iterations: Questions after which to stop.
+        max_edges: Edges after which to stop.
+        share: Edges after which another run is to be begun, if there is no path yet.
+        turn: Questions after which that is so too.
+        threshold: Length of a path that is short enough.
+        best: Length of the shortest path so far, of a planner that improves its own.
+    """
+
+    deadline: Deadline
+    edges: Callable[[], int]
+    max_iterations: int | None = None
+    max_edges: int | None = None
+    share: float = math.inf
+    turn: float = math.inf
+    threshold: float | None = None
+    best: Callable[[], float] | None = None
+    iterations: int = 0
+    reason: str | None = None
+    progress: list[Progress] = field(default_factory=list)
+    began: float = field(default_factory=time.monotonic)
+    memory: int = field(default_factory=resident)
+
+    def __call__(self) -> bool:
+        """Whether to stop; why is kept as ``reason``."""
+        if self.reason is not None:
+            return True
+        self.iterations += 1
+        if self.best is not None:
+            self.note(self.best())
+        if self.reason is None:
+            self.reason = self._over_budget()
+        return self.reason is not None
+
+    def note(self, length: float) -> None:
+        """Keep the length of a path, if it is the shortest so far."""
+        if not (math.isfinite(length) and length > 0.0):
+            return
+        # Share of its length by which a path has to be shorter to count as progress.
+        if self.progress and length >= (1.0 - 1e-6) * self.progress[-1].length:
+            return
+        spent = 1e3 * (time.monotonic() - self.began)
+        self.progress.append(Progress(spent, self.edges(), length))
+        if self.threshold is not None and length <= self.threshold:
+            self.reason = "threshold"
+
+    def _over_budget(self) -> str | None:
+        if self.deadline.passed:
+            return "time"
+        if self.max_iterations is not None and self.iterations >= self.max_iterations:
+            return "iterations"
+        if self.max_edges is not None and self.edges() >= self.max_edges:
+            return "edges"
+        if not self.progress and (self.edges() >= self.share or self.iterations >= self.turn):
+            return "share"
+        # Questions between two looks at the memory: one costs as much as a few edges.
+        full = self.iterations % 512 == 0 and resident() - self.memory > MAX_MEMORY
+        if full:
+            self.deadline.interruptions.occurred = True
+            return "memory"
+        return None
+
+
+class Roadmap:
+    """Proved edges as a graph.
+
+    Args:
+        start: Configuration, shape (n,) [rad or m].
+        goals: Configurations, shape (n,) each.
+    """
+
+    def __init__(self, start: Array, goals: list[Array]) -> None:
+        self._number: dict[bytes, int] = {}
+        self._states: list[Array] = []
+        self._ends: list[tuple[int, int]] = []
+        self._lengths: list[float] = []
+        self._known: set[tuple[int, int]] = set()
+        self._start = self._vertex(start)
+        self._goals = [self._vertex(goal) for goal in goals]
+
+    def add(self, a: Array, b: Array) -> None:
+        """Keep an edge between configurations a and b, both (n,), once."""
+        ends = (self._vertex(a), self._vertex(b))
+        if ends[0] == ends[1] or ends in self._known:
+            return
+        self._known |= {ends, ends[::-1]}
+        self._ends.append(ends)
+        self._lengths.append(float(np.linalg.norm(b - a)))
+
+    def shortest(self) -> Array | None:
+        """The shortest path from the start to any goal, shape (k, n), if there is one."""
+        if not self._ends:
+            return None
+        rows, columns = np.array(self._ends).T
+        size = len(self._states)
+        graph: Any = coo_array((self._lengths, (rows, columns)), shape=(size, size)).tocsr()
+        tree = dijkstra(
+            graph, directed=False, indices=np.array([self._start]), return_predecessors=True
+        )
+        far, before = tree[0][0], tree[1][0]
+        goal = min(self._goals, key=lambda g: far[g])
+        if not np.isfinite(far[goal]):
+            return None
+        path = [goal]
+        while path[-1] != self._start:
+            path.append(int(before[path[-1]]))
+        return np.array([self._states[v] for v in reversed(path)])
+
+    def _vertex(self, q: Array) -> int:
+        key = q.tobytes()
+        if key not in self._number:
+            self._number[key] = len(self._states)
+            self._states.append(q)
+        return self._number[key]
+
+
+def grow_roadmap(
+    solver: Any, edges: CertifiedEdges, start: Array, goals: list[Array], watch: Watch, *, on: bool
+) -> Array | None:
+    """Grow a roadmap until it connects start and goal, or go ``on`` as long as there is time.
+
+    Returns:
+        The shortest path, shape (k, n), if there is one.
+    """
+    edges.proved = []
+    roadmap = Roadmap(start, goals)
+    # Told to stop at once, OMPL takes in the start and one more goal each time and does no more.
+    for _ in goals:
+        solver.solve(base.plannerAlwaysTerminatingCondition())
+    best = None
+    # Edges at which the roadmap is searched first; then whenever it has grown by a fifth.
+    search_at = 8
+
+    def pause() -> bool:
+        return watch() or edges.count >= search_at
+
+    while True:
+        for a, b in edges.proved:
+            roadmap.add(a, b)
+        edges.proved.clear()
+        path = roadmap.shortest()
+        if path is not None:
+            best = path
+            watch.note(float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()))
+            if not on:
+                watch.reason = watch.reason or "solved"
+        if watch.reason is not None:
+            return best
+        search_at = int(1.2 * max(search_at, edges.count)) + 1
+        solver.growRoadmapPtc(base.PlannerTerminationCondition(pause))
+
 
 #: The time a random tree takes is spread widely: one that has looked at so many edges without
 #: arriving is given up for a fresh one, which may check somewhat more. Counted in edges, not in

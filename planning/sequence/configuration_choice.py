@@ -14,12 +14,12 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
-from planning.goal_choice.chosen_configuration import chosen_configuration
 from planning.goal_choice.goal_order import (
     FAR_FROM_OBSTACLES,
     MAX_EDGES,
     MAX_LONGER,
     MAX_PLANNED,
+    chosen_configuration,
     clearance_lacks,
     configuration_costs,
     is_at_limit,

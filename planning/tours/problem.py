@@ -15,7 +15,7 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.options import Options
 from planning.problem import Goal, JointGoal
 from planning.reach.tolerance import Tolerance
-from planning.tours.network import Precedence
+from planning.tours.local_search import Precedence
 from planning.values.preferred_clearance import PreferredClearance
 
 Pairs = Sequence[tuple[str, str]]

@@ -11,16 +11,20 @@ from kinematics.errors import InvalidGoal, InvalidPose
 from kinematics.model.chain import Chain
 from kinematics.pose import from_quaternion
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import Constraint
-from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.constraint import (
+    ConeConstraint,
+    Constraint,
+    JointConstraint,
+    LookAtConstraint,
+    OrientationConstraint,
+    PositionConstraint,
+    RelativePoseConstraint,
+)
 from planning.constraints.kinds.limit import (
     ClearanceConstraint,
     ToolSpeedConstraint,
     TorqueConstraint,
 )
-from planning.constraints.kinds.look_at import LookAtConstraint
-from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import (
     BoxRegion,
     LineRegion,
@@ -28,7 +32,6 @@ from planning.constraints.kinds.region import (
     Region,
     SphereRegion,
 )
-from planning.constraints.kinds.relative_pose import RelativePoseConstraint
 from service.translate import poses
 
 

@@ -13,8 +13,7 @@ from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain
-from planning.retiming.near_path import PathToTime
-from planning.retiming.retime import Retimed
+from planning.retiming.retime import PathToTime, Retimed
 from planning.timing.choice import JERK_RULE
 from planning.timing.jerk.state_to_state import JointState
 from planning.timing.options import Payload, TimingOptions

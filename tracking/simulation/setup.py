@@ -1,20 +1,159 @@
-"""One run of a closed loop, checked and ready to be integrated."""
+"""One run of a closed loop, checked and ready to be integrated.
 
+Events of a closed loop: breaks of the reference, control periods, disturbances.
+
+Options of the simulation of a closed loop.
+"""
+
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState, MissingLimit
 from kinematics.model.chain import Chain
-from kinematics.trajectory.trajectory import Trajectory
+from kinematics.trajectory.trajectory import MAX_SAMPLES, Trajectory
 from tracking.controllers.controller import AdaptiveController, Controller
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
+from tracking.simulation.joint_stop import JointStops
 from tracking.simulation.loop import RUNAWAY
-from tracking.simulation.options import SimulationOptions
 from tracking.simulation.references import ReferenceSignal
-from tracking.simulation.schedule import Events, periods, schedule
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationOptions:
+    """Options of integration and recording.
+
+    Args:
+        duration: [s]; the trajectory's own where none is given, longer to watch it settle.
+        sample_period: Time between two samples of the result [s].
+        control_period: Time for which the torque is held [s]; None for a continuous controller.
+        relative_tolerance: Relative tolerance of each step of the integrator.
+        absolute_tolerance: Absolute tolerance of each step [rad, m, rad/s, m/s].
+        saturate: Cut the torque off at the robot's effort limits; all must then be known.
+        settling_tolerance: Largest tracking error of a settled robot [rad or m].
+        stops: Stops of the joints at their position limits; none where none are given, so that
+            joints pass their limits.
+        tube: Whether bounds are kept in cells of time, with the integrator's errors carried along,
+            for ``tracking.tube.tube``; a simulation takes about twice as long.
+        max_evaluations: Evaluations of the robot's dynamics before giving up.
+
+    Raises:
+        InvalidOption: A value is not positive, or a tolerance is not within 1e-13 to 1e-2.
+    """
+
+    duration: float | None = None
+    sample_period: float = 0.01
+    control_period: float | None = None
+    relative_tolerance: float = 1e-8
+    absolute_tolerance: float = 1e-10
+    saturate: bool = True
+    settling_tolerance: float = 1e-3
+    max_evaluations: int = 1_000_000
+    stops: JointStops | None = None
+    tube: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("duration", "sample_period", "control_period", "settling_tolerance"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
+                raise InvalidOption(f"{name} is {value}", hint="Give a positive finite number.")
+        for name in ("relative_tolerance", "absolute_tolerance"):
+            value = getattr(self, name)
+            # Below 1e-13 rounding errors alone exceed it; above 1e-2 the answer means nothing.
+            if not 1e-13 <= value <= 1e-2:
+                raise InvalidOption(f"{name} is {value}", hint="Give one from 1e-13 to 1e-2.")
+        if self.max_evaluations < 1:
+            raise InvalidOption(
+                f"max_evaluations is {self.max_evaluations}", hint="Give at least 1."
+            )
+
+
+# A period that would begin this part of one before the end is the end itself, to rounding.
+_SAME_PERIOD = 1e-6
+# Events closer than this part of the duration are one.
+_SAME_EVENT = 1e-12
+
+
+class Events(NamedTuple):
+    """Instants at which the loop is not smooth or the controller is called (s segments between).
+
+    Args:
+        times: Shape (s + 1,) [s].
+        pieces: Piece of the reference on each segment, shape (s,).
+        called: Whether a held controller is called at the start, shape (s,).
+        noises: Row of the encoders' errors, shape (s,).
+        disturbed: Whether the disturbance acts, shape (s,).
+        noise: The encoders' errors, shape (., 2, n).
+    """
+
+    times: Array
+    pieces: NDArray[np.int64]
+    called: NDArray[np.bool_]
+    noises: NDArray[np.int64]
+    disturbed: NDArray[np.bool_]
+    noise: Array
+
+
+def schedule(
+    signal: ReferenceSignal,
+    duration: float,
+    options: SimulationOptions,
+    disturbance: Disturbance | None,
+    noise: EncoderNoise | None,
+) -> Events:
+    """All events of a run of ``duration`` seconds.
+
+    Raises:
+        InvalidOption: A period is too short for the duration.
+    """
+    called: list[float] = []
+    if options.control_period is not None:
+        called = list(periods(duration, options.control_period, "control_period"))
+    elif noise is not None:
+        called = list(periods(duration, noise.period, "encoder period"))
+    others = signal.breaks(duration)
+    if disturbance is not None:
+        others += disturbance.cuts(duration)
+    marks = [*((t, True) for t in called), *((t, False) for t in [0.0, *others])]
+    marks.sort(key=lambda mark: (mark[0], not mark[1]))
+    starts, flags = [marks[0][0]], [marks[0][1]]
+    for t, is_call in marks[1:]:
+        if t - starts[-1] > _SAME_EVENT * duration:
+            starts.append(t)
+            flags.append(is_call)
+        else:
+            flags[-1] = flags[-1] or is_call
+    rows = np.cumsum(flags) - 1 if called else np.zeros(len(starts), dtype=np.int64)
+    acts = [disturbance is not None and disturbance.start <= t < disturbance.end for t in starts]
+    n = signal.trajectory.n
+    return Events(
+        np.array([*starts, duration]),
+        np.array([signal.piece(t + _SAME_EVENT * duration) for t in starts], dtype=np.int64),
+        np.array(flags) & (options.control_period is not None),
+        np.asarray(rows, dtype=np.int64),
+        np.array(acts),
+        np.zeros((max(len(called), 1), 2, n)) if noise is None else noise.draw(len(called), n),
+    )
+
+
+def periods(duration: float, period: float, name: str) -> Iterator[float]:
+    """Times 0, period, 2 period, ... before ``duration``.
+
+    Raises:
+        InvalidOption: There are too many of them.
+    """
+    if duration / period > MAX_SAMPLES:
+        raise InvalidOption(
+            f"a {name} of {period} s over {duration} s gives more than {MAX_SAMPLES} of them",
+            hint=f"Give at least {duration / MAX_SAMPLES:.3g} s.",
+        )
+    count = max(1, math.ceil(duration / period - _SAME_PERIOD))
+    return (i * period for i in range(count))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,9 +8,8 @@ from kinematics.trajectory.trajectory import Trajectory
 from tracking.controllers.controller import Controller
 from tracking.simulation import callback, compiled
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
-from tracking.simulation.options import SimulationOptions
 from tracking.simulation.result import SimulationResult
-from tracking.simulation.setup import prepare
+from tracking.simulation.setup import SimulationOptions, prepare
 
 __all__ = ["Disturbance", "EncoderNoise", "SimulationOptions", "simulate"]
 

@@ -3,48 +3,269 @@
 Each lane searches for one pose as ``levenberg_marquardt.search_kernel`` does, with the same
 arithmetic, so that answers are the same to the last bit; a lane that is through takes the next pose
 of the batch. Only the beginnings of starts, once in many steps, are made for each lane alone.
+
+Damped steps of the numeric method for eight poses at a time, one in each SIMD lane.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from compiled.kernel import kernel
 from compiled.random import State
-from compiled.simd import LANES, Conditions, choose, load, on_stack, store
+from compiled.simd import LANES, Conditions, anywhere, bits, choose, fill, load, on_stack, store
 from compiled.sincos import turns_kernel
 from kinematics.arrays import Array, Indices
-from kinematics.frame import frame_kernel
-from kinematics.ik.numeric.lane_steps import (
-    ACTIVE,
-    ALL_STEPS,
-    FRESH,
-    LANE_GAIN,
-    LANE_PATIENCE,
-    LEAST,
-    POSITION,
-    ROTATION,
-    SQUARE,
-    STATE_SIZE,
-    LaneRoom,
-    LaneSearch,
-    judge_kernel,
-    propose_kernel,
+from kinematics.frame import Frame, frame_kernel
+from kinematics.ik.numeric.dls_step import (
+    Error,
+    add_outer_kernel,
+    diagonal_kernel,
+    error_kernel,
+    factor_solve_kernel,
+    project_kernel,
 )
 from kinematics.ik.numeric.levenberg_marquardt import (
+    DAMPING,
     GAIN,
+    LEAST_DAMPING,
+    LEAST_MU,
+    LESS,
     LONG,
     LONG_GAIN,
     LONG_PATIENCE,
+    MORE,
     NEAR_SIZE,
     PATIENCE,
+    STEPS,
     SearchSettings,
     SearchSpace,
     draw_kernel,
     pick_kernel,
     search_kernel,
+    weigh_column_kernel,
+    weigh_kernel,
 )
-from kinematics.simd_frames import COLUMN, COLUMN_SIZE, FRAME_SIZE, axes_lanes_kernel
+from kinematics.simd_frames import (
+    COLUMN,
+    COLUMN_SIZE,
+    FRAME_SIZE,
+    axes_lanes_kernel,
+    column_lanes_kernel,
+    load_column_kernel,
+    load_frame_kernel,
+    store_column_kernel,
+)
+
+# Rows of vectors that the search keeps of its lanes, by the index of their first number.
+#: Squared error.
+SQUARE = 0
+#: Distance from the target [m].
+POSITION = LANES
+#: Angle from the target [rad].
+ROTATION = 2 * LANES
+#: The least square of all starts.
+LEAST = 3 * LANES
+#: The square that progress is counted from.
+MARK = 4 * LANES
+#: The damping factor mu.
+MU = 5 * LANES
+#: Steps of all starts.
+ALL_STEPS = 6 * LANES
+#: Steps of this start.
+START_STEPS = 7 * LANES
+#: Steps without progress.
+STALE = 8 * LANES
+#: 1 where a start begins.
+FRESH = 9 * LANES
+#: 1 where a lane has a pose.
+ACTIVE = 10 * LANES
+#: Steps without progress after which the start is given up.
+LANE_PATIENCE = 11 * LANES
+#: Share of the square that counts as progress.
+LANE_GAIN = 12 * LANES
+#: Numbers in all.
+STATE_SIZE = 13 * LANES
+
+
+class LaneSearch(NamedTuple):
+    """Arrays of the eight searches; numbers of the lanes lie side by side.
+
+    Args:
+        J: Weighed Jacobians, columns one after the other, shape (n * COLUMN_SIZE,).
+        e: Weighed errors, shape (COLUMN_SIZE,).
+        q: Configurations, shape (8 n,).
+        trial: Configurations that are tried, shape (8 n,).
+        state: Rows named above, shape (STATE_SIZE,).
+    """
+
+    J: Array
+    e: Array
+    q: Array
+    trial: Array
+    state: Array
+
+
+class LaneRoom(NamedTuple):
+    """Workspace of a step.
+
+    Args:
+        mask: 1 for each joint that is free to move, shape (8 n,).
+        H: J^T J + damping I of fewer than six joints, shape (8 n n,).
+        g: J^T e, then the step, shape (8 n,).
+    """
+
+    mask: Array
+    H: Array
+    g: Array
+
+
+@kernel(allocates=False)
+def propose_kernel(bounds: Array, search: LaneSearch, start: Array, room: LaneRoom) -> None:
+    """Write the step of every lane, as ``dls_step.step_within_kernel`` has it, or its start.
+
+    Args:
+        bounds: Limits of the joints, see ``SearchSpace``.
+        search: The searches; the steps go into ``trial``.
+        start: Configurations that new starts begin at, shape (8 n,).
+        room: Workspace.
+    """
+    J, q, state, mask, g = search.J, search.q, search.state, room.mask, room.g
+    lower, upper = bounds[0], bounds[1]
+    n = lower.shape[0]
+    error = load_column_kernel(search.e, 0)
+    fresh = load(state, FRESH) > 0.0
+    damping = load(state, MU) * load(state, SQUARE) + LEAST_DAMPING
+    A = diagonal_kernel(damping, fill(0.0))
+    for j in range(n):
+        column, value = load_column_kernel(J, COLUMN_SIZE * j), load(q, LANES * j)
+        low, high, moves = value <= lower[j], value >= upper[j], fill(1.0)
+        if anywhere(low | high):
+            pull = project_kernel(column, error)
+            moves = choose((low & (pull <= 0.0)) | (high & (pull >= 0.0)), 0.0, moves)
+            c0, c1, c2, c3, c4, c5 = column
+            column = moves * c0, moves * c1, moves * c2, moves * c3, moves * c4, moves * c5
+        store(mask, LANES * j, moves)
+        if n >= 6:
+            A = add_outer_kernel(A, column)
+    if n >= 6:
+        x = factor_solve_kernel(A, error)
+        for j in range(n):
+            store(g, LANES * j, project_kernel(load_column_kernel(J, COLUMN_SIZE * j), x))
+    else:
+        primal_lanes_kernel(J, error, mask, damping, n, room.H, g)
+    for j in range(n):
+        at = LANES * j
+        step, value = load(g, at), load(q, at)
+        moved = min(max(value + step, lower[j]), upper[j])
+        moved = choose(load(mask, at) > 0.0, moved, value)
+        store(search.trial, at, choose(fresh, load(start, at), moved))
+
+
+@kernel(allocates=False)
+def primal_lanes_kernel(
+    J: Array, e: Error, mask: Array, damping: float, n: int, H: Array, g: Array
+) -> None:
+    """Solve (J^T J + damping I) g = J^T e of the free joints, as ``cholesky_solve_kernel``.
+
+    A joint that is not free has a row of the identity; what it adds to others is 0.
+    """
+    for a in range(n):
+        m = load(mask, LANES * a)
+        j0, j1, j2, j3, j4, j5 = load_column_kernel(J, COLUMN_SIZE * a)
+        j0, j1, j2, j3, j4, j5 = m * j0, m * j1, m * j2, m * j3, m * j4, m * j5
+        store(g, LANES * a, j0 * e[0] + j1 * e[1] + j2 * e[2] + j3 * e[3] + j4 * e[4] + j5 * e[5])
+        for b in range(a + 1):
+            k0, k1, k2, k3, k4, k5 = load_column_kernel(J, COLUMN_SIZE * b)
+            entry = j0 * k0 + j1 * k1 + j2 * k2 + j3 * k3 + j4 * k4 + j5 * k5
+            if a == b:
+                entry = choose(m > 0.0, entry + damping, 1.0)
+            store(H, LANES * (a * n + b), load(mask, LANES * b) * entry if a != b else entry)
+    for i in range(n):
+        for j in range(i):
+            total = load(H, LANES * (i * n + j))
+            for k in range(j):
+                total = total - load(H, LANES * (i * n + k)) * load(H, LANES * (j * n + k))
+            store(H, LANES * (i * n + j), total * load(H, LANES * (j * n + j)))
+        total = load(H, LANES * (i * n + i))
+        for k in range(i):
+            entry = load(H, LANES * (i * n + k))
+            total = total - entry * entry
+        store(H, LANES * (i * n + i), 1.0 / math.sqrt(max(total, 1e-300)))
+    for i in range(n):
+        total = load(g, LANES * i)
+        for k in range(i):
+            total = total - load(H, LANES * (i * n + k)) * load(g, LANES * k)
+        store(g, LANES * i, total * load(H, LANES * (i * n + i)))
+    for i in range(n - 1, -1, -1):
+        total = load(g, LANES * i)
+        for k in range(i + 1, n):
+            total = total - load(H, LANES * (k * n + i)) * load(g, LANES * k)
+        store(g, LANES * i, total * load(H, LANES * (i * n + i)))
+
+
+@kernel(allocates=False)
+def judge_kernel(
+    space: SearchSpace, settings: SearchSettings, last: int, B: Frame, targets: Array,
+    joint_axes: Array, search: LaneSearch,
+) -> int:  # fmt: skip
+    """Keep the trials that are better; the lanes whose start is over, as bits.
+
+    Args:
+        space: The chain.
+        settings: Settings of the search.
+        last: The last joint that moves the link.
+        B: Frames of the link at the trials.
+        targets: Frames that it is to reach, shape (FRAME_SIZE,).
+        joint_axes: Axes of the joints at the trials, see ``simd_frames.axes_lanes_kernel``.
+        search: The searches.
+    """
+    w, axes, T = space.weight, settings.axes, load_frame_kernel(targets, 0)
+    J, e, q, trial, state = search.J, search.e, search.q, search.trial, search.state
+    weighed, after, position, rotation = weigh_kernel(error_kernel(B, T), T, axes, w)
+    fresh, square = load(state, FRESH) > 0.0, load(state, SQUARE)
+    gains = after < square
+    accepted = gains | fresh
+    square = choose(accepted, after, square)
+    position = choose(accepted, position, load(state, POSITION))
+    rotation = choose(accepted, rotation, load(state, ROTATION))
+    store_column_kernel(e, 0, _accept_lanes(accepted, weighed, load_column_kernel(e, 0)))
+    for j in range(trial.shape[0] // LANES):
+        at = COLUMN_SIZE * j
+        column = column_lanes_kernel(space.model, joint_axes, j, last, B)
+        column = weigh_column_kernel(column, T, axes, w)
+        store_column_kernel(J, at, _accept_lanes(accepted, column, load_column_kernel(J, at)))
+        store(q, LANES * j, choose(accepted, load(trial, LANES * j), load(q, LANES * j)))
+    mu = load(state, MU)
+    mu = choose(fresh, DAMPING, choose(gains, max(LESS * mu, LEAST_MU), MORE * mu))
+    one = choose(fresh, 0.0, 1.0)
+    started = choose(fresh, 0.0, load(state, START_STEPS) + 1.0)
+    mark = load(state, MARK)
+    again = fresh | (square < load(state, LANE_GAIN) * mark)
+    stale = choose(again, 0.0, load(state, STALE) + 1.0)
+    store(state, SQUARE, square)
+    store(state, POSITION, position)
+    store(state, ROTATION, rotation)
+    store(state, MU, mu)
+    store(state, MARK, choose(again, square, mark))
+    store(state, STALE, stale)
+    store(state, ALL_STEPS, load(state, ALL_STEPS) + one)
+    store(state, START_STEPS, started)
+    store(state, FRESH, 0.0)
+    done = (position <= settings.position_tolerance) & (rotation <= settings.orientation_tolerance)
+    over = done | (stale > load(state, LANE_PATIENCE)) | (started >= STEPS)
+    return bits(over & (load(state, ACTIVE) > 0.0))
+
+
+@kernel(inline="code")
+def _accept_lanes(accepted: Conditions, new: Error, old: Error) -> Error:
+    """The new vectors in the lanes where they are accepted, else the old ones."""
+    return (
+        choose(accepted, new[0], old[0]), choose(accepted, new[1], old[1]),
+        choose(accepted, new[2], old[2]), choose(accepted, new[3], old[3]),
+        choose(accepted, new[4], old[4]), choose(accepted, new[5], old[5]),
+    )  # fmt: skip
 
 
 class _LaneStarts(NamedTuple):

@@ -1,15 +1,387 @@
-"""The kinds of constraints there are."""
+"""Constraints on configurations: a joint, a point, an axis or a pose held near what is wanted.
 
-from planning.constraints.kinds.joint import JointConstraint
+Of links in the frame of the base or of another link; regions of space are in ``region``.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.arrays import Array, frozen
+from kinematics.errors import InvalidGoal
+from kinematics.model.chain import Chain, JointType
+from kinematics.pose import from_matrix, transform
+from planning.constraints.kinds.frames import (
+    Attachment,
+    tolerance,
+    tolerances,
+    unit,
+    vector,
+    weight,
+)
 from planning.constraints.kinds.limit import (
     ClearanceConstraint,
     ToolSpeedConstraint,
     TorqueConstraint,
 )
-from planning.constraints.kinds.look_at import LookAtConstraint
-from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.kinds.position import PositionConstraint
-from planning.constraints.kinds.relative_pose import RelativePoseConstraint
+from planning.constraints.kinds.region import BoxRegion, Region
+from planning.constraints.row import Row, RowKind, Unit
+
+
+@dataclass(frozen=True, slots=True)
+class JointConstraint:
+    """position - tolerance_below <= q_j <= position + tolerance_above.
+
+    Args:
+        joint: Name of the joint.
+        position: [rad or m].
+        tolerance_above: [rad or m].
+        tolerance_below: [rad or m].
+        weight: None where it must hold; else what a squared radian or metre of it costs.
+
+    Raises:
+        InvalidGoal: A tolerance is negative, or the position not finite.
+    """
+
+    joint: str
+    position: float
+    tolerance_above: float = 0.0
+    tolerance_below: float = 0.0
+    weight: float | None = None
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.position):
+            raise InvalidGoal(f"the position of joint {self.joint!r} is not finite")
+        tolerance(self.tolerance_above, "tolerance_above")
+        tolerance(self.tolerance_below, "tolerance_below")
+        weight(self.weight)
+
+    @property
+    def name(self) -> str:
+        """Name of the constraint."""
+        return f"joint {self.joint!r}"
+
+    def rows(self, chain: Chain) -> list[Row]:
+        """Its rows on a chain.
+
+        Raises:
+            InvalidGoal: The chain has no such joint.
+        """
+        if self.joint not in chain.joint_names:
+            raise InvalidGoal(
+                f"robot {chain.name!r} has no joint {self.joint!r}",
+                hint=f"Its joints are: {', '.join(chain.joint_names)}.",
+                joint=self.joint,
+                joints=list(chain.joint_names),
+            )
+        j = chain.joint_names.index(self.joint)
+        low, high = self.position - self.tolerance_below, self.position + self.tolerance_above
+        kind: Unit = "rad" if chain.joint_types[j] == JointType.REVOLUTE else "m"
+        return [Row(RowKind.JOINT, j, -1, low, high, kind, label=f"joint {self.joint!r}")]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PositionConstraint:
+    """A point of a link stays in a region.
+
+    Args:
+        region: Region in the frame of the reference.
+        link: Link that carries the point; the tip where none is named.
+        point: Point in the link's frame, shape (3,) [m].
+        reference_link: The link whose frame the region is in; the base where none is named.
+        weight: None where it must hold; else what a squared metre of it costs.
+
+    Raises:
+        InvalidGoal: The point is not finite, or the weight not positive.
+    """
+
+    region: Region
+    link: str | None = None
+    point: ArrayLike = (0.0, 0.0, 0.0)
+    reference_link: str | None = None
+    weight: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", vector(self.point, "point"))
+        weight(self.weight)
+
+    @property
+    def name(self) -> str:
+        """Name of the constraint."""
+        return f"position of {'the tip' if self.link is None else repr(self.link)}"
+
+    def rows(self, chain: Chain) -> list[Row]:
+        """Its rows on a chain.
+
+        Raises:
+            InvalidLinkName: No such link.
+            InvalidGoal: The link does not move against the reference.
+        """
+        at = Attachment.of(chain, self.link, self.reference_link)
+        return self.region.rows(at, at.point(np.asarray(self.point)))
+
+
+_AXES = "xyz"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConeConstraint:
+    """An axis of a link stays within a cone: angle(R a, d) <= cone_angle.
+
+    Args:
+        axis: Axis of the link, in its frame, of any length, shape (3,).
+        direction: Direction of the cone in the reference, of any length, shape (3,).
+        cone_angle: Angle between the cone's axis and its surface [rad].
+        link: The link; the tip where none is named.
+        reference_link: The link whose frame the direction is in; the base where none is named.
+        weight: None where it must hold; else what a squared radian of it costs.
+
+    Raises:
+        InvalidGoal: Axis or direction is 0, or the angle not in [0, pi].
+    """
+
+    axis: ArrayLike
+    direction: ArrayLike
+    cone_angle: float
+    link: str | None = None
+    reference_link: str | None = None
+    weight: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", unit(self.axis, "axis"))
+        object.__setattr__(self, "direction", unit(self.direction, "direction"))
+        tolerance(self.cone_angle, "cone_angle", math.pi)
+        weight(self.weight)
+
+    @property
+    def name(self) -> str:
+        """Name of the constraint."""
+        return f"orientation cone of {'the tip' if self.link is None else repr(self.link)}"
+
+    def rows(self, chain: Chain) -> list[Row]:
+        """Its row on a chain.
+
+        Raises:
+            InvalidLinkName: No such link.
+            InvalidGoal: The link does not move against the reference.
+        """
+        at = Attachment.of(chain, self.link, self.reference_link)
+        axis, direction = np.asarray(self.axis), np.asarray(self.direction)
+        return [angle_row(at, axis, self.cone_angle, "the cone", direction=direction)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrientationConstraint:
+    """A link's orientation stays near another: |log(R_target^T R)_i| <= axis_tolerances_i.
+
+    Args:
+        rotation: The target, in the reference, shape (3, 3).
+        axis_tolerances: Tolerances about x, y and z of the target; one of pi or more leaves the
+            axis free, shape (3,) or one number [rad].
+        link: The link; the tip where none is named.
+        reference_link: The link whose frame the target is in; the base where none is named.
+        weight: None where it must hold; else what a squared radian of it costs.
+
+    Raises:
+        InvalidPose: The target is no rotation.
+        InvalidGoal: A tolerance is negative.
+    """
+
+    rotation: Array
+    axis_tolerances: ArrayLike
+    link: str | None = None
+    reference_link: str | None = None
+    weight: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rotation", frozen(from_matrix(self.rotation)))
+        given = tolerances(np.asarray(self.axis_tolerances, dtype=np.float64), "axis_tolerances")
+        object.__setattr__(self, "axis_tolerances", given)
+        weight(self.weight)
+
+    @property
+    def name(self) -> str:
+        """Name of the constraint."""
+        return f"orientation of {'the tip' if self.link is None else repr(self.link)}"
+
+    def rows(self, chain: Chain) -> list[Row]:
+        """A row for each axis that is not free.
+
+        Raises:
+            InvalidLinkName: No such link.
+            InvalidGoal: The link does not move against the reference.
+        """
+        at = Attachment.of(chain, self.link, self.reference_link)
+        return rotation_rows(at, self.rotation, np.asarray(self.axis_tolerances))
+
+
+def angle_row(
+    at: Attachment,
+    axis: Array,
+    most: float,
+    label: str,
+    *,
+    direction: Array | None = None,
+    sight: tuple[Array, Array] | None = None,
+) -> Row:
+    """A row that keeps a link's axis within an angle of a direction, or of a line of sight.
+
+    Args:
+        at: The link.
+        axis: Axis of the link, shape (3,).
+        most: The angle [rad].
+        label: Description of the bound in words.
+        direction: Direction in the link that it is seen from, shape (3,).
+        sight: Line of sight in its place: a point of the link and the target in the link it is seen
+            from.
+    """
+    row = partial(
+        Row,
+        carrier=at.carrier,
+        reference=at.reference,
+        lower=-np.inf,
+        upper=most,
+        unit="rad",
+        axis=at.axis(axis),
+        label=label,
+    )
+    if sight is not None:
+        point, target = sight
+        return row(kind=RowKind.LOOK, point=at.point(point), center=at.place(target))
+    assert direction is not None
+    return row(kind=RowKind.ANGLE, direction=at.direction(direction))
+
+
+def rotation_rows(at: Attachment, rotation: Array, limits: Array) -> list[Row]:
+    """Rows that hold each component of the rotation left to a target within its limit."""
+    K, M = at.turn(rotation)
+    return [
+        Row(
+            RowKind.ROTATION,
+            at.carrier,
+            at.reference,
+            -float(limits[i]),
+            float(limits[i]),
+            "rad",
+            axis=M[:, i],
+            turn=K,
+            label=f"the turn about {_AXES[i]}",
+        )
+        for i in range(3)
+        if limits[i] < math.pi
+    ]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LookAtConstraint:
+    """The ray from a point of a link along an axis passes a target: angle(R a, c - x) <= angle.
+
+    Args:
+        axis: Axis of the link, in its frame, of any length, shape (3,).
+        target: Target in the reference, shape (3,) [m].
+        angle: [rad].
+        link: The link; the tip where none is named.
+        point: The ray's origin in the link's frame, shape (3,) [m].
+        reference_link: The link whose frame the target is in; the base where none is named.
+        weight: None where it must hold; else what a squared radian of it costs.
+
+    Raises:
+        InvalidGoal: The axis is 0, the target not finite, or the angle not in [0, pi].
+    """
+
+    axis: ArrayLike
+    target: ArrayLike
+    angle: float
+    link: str | None = None
+    point: ArrayLike = (0.0, 0.0, 0.0)
+    reference_link: str | None = None
+    weight: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", unit(self.axis, "axis"))
+        object.__setattr__(self, "target", vector(self.target, "target"))
+        object.__setattr__(self, "point", vector(self.point, "point"))
+        tolerance(self.angle, "angle", math.pi)
+        weight(self.weight)
+
+    @property
+    def name(self) -> str:
+        """Name of the constraint."""
+        return f"look-at of {'the tip' if self.link is None else repr(self.link)}"
+
+    def rows(self, chain: Chain) -> list[Row]:
+        """Its row on a chain.
+
+        Raises:
+            InvalidLinkName: No such link.
+            InvalidGoal: The link does not move against the reference.
+        """
+        at = Attachment.of(chain, self.link, self.reference_link)
+        sight = np.asarray(self.point), np.asarray(self.target)
+        return [angle_row(at, np.asarray(self.axis), self.angle, "the line of sight", sight=sight)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RelativePoseConstraint:
+    """A link stays near a pose: its origin within a box, its rotation within axis tolerances.
+
+    Args:
+        T_reference_link: The pose in the frame of the reference, shape (4, 4).
+        link: The link; the tip where none is named.
+        reference_link: The link the pose is seen from; the base where none is named.
+        position_tolerances: Position tolerances along x, y and z of the pose, inf where free; one
+            number for all [m].
+        orientation_tolerances: Tolerances about x, y and z of it, pi or more where free; or one
+            number [rad].
+        weight: None where it must hold; else what a squared metre or radian of it costs.
+
+    Raises:
+        InvalidPose: The pose's rotation is none.
+        InvalidGoal: It is no finite transform, or a tolerance is negative.
+    """
+
+    T_reference_link: Array
+    link: str | None = None
+    reference_link: str | None = None
+    position_tolerances: ArrayLike = 0.0
+    orientation_tolerances: ArrayLike = 0.0
+    weight: float | None = None
+
+    def __post_init__(self) -> None:
+        T = np.array(self.T_reference_link, dtype=np.float64)
+        if T.shape != (4, 4) or not np.isfinite(T).all():
+            raise InvalidGoal("a relative pose must be a finite 4x4 transform")
+        T = transform(from_matrix(T[:3, :3]), T[:3, 3])
+        object.__setattr__(self, "T_reference_link", frozen(T))
+        for name in ("position_tolerances", "orientation_tolerances"):
+            given = np.asarray(getattr(self, name), dtype=np.float64)
+            object.__setattr__(self, name, tolerances(given, name))
+        weight(self.weight)
+
+    @property
+    def name(self) -> str:
+        """Name of the constraint."""
+        seen_from = "the base" if self.reference_link is None else repr(self.reference_link)
+        return (
+            f"pose of {'the tip' if self.link is None else repr(self.link)} seen from {seen_from}"
+        )
+
+    def rows(self, chain: Chain) -> list[Row]:
+        """A row for each axis that is not free.
+
+        Raises:
+            InvalidLinkName: No such link.
+            InvalidGoal: Both links move with the same joint.
+        """
+        at = Attachment.of(chain, self.link, self.reference_link)
+        box = BoxRegion(self.T_reference_link, 2.0 * np.asarray(self.position_tolerances))
+        turns = np.minimum(np.asarray(self.orientation_tolerances), math.pi)
+        rows = box.rows(at, at.point(np.zeros(3)))
+        return rows + rotation_rows(at, self.T_reference_link[:3, :3], turns)
+
 
 #: Constraints on where the robot is, which have rows.
 Geometric = (

@@ -18,15 +18,18 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.failure import TimingFailed
-from planning.timing.jerk.grid import Extra, Grid, KnotLimits, grid
-from planning.timing.jerk.interior_point import least_time_kernel
-from planning.timing.jerk.limits import (
+from planning.timing.jerk.grid import (
+    Extra,
+    Grid,
     JerkLimits,
+    KnotLimits,
     decisive_kernel,
     envelope_kernel,
+    grid,
     inside_kernel,
     time_kernel,
 )
+from planning.timing.jerk.interior_point import least_time_kernel
 from planning.timing.jerk.ruckig import line_phases
 from planning.timing.path.path import SAME_DIRECTION, JointPath, composed_pieces
 from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, fitting_factor

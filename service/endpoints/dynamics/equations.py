@@ -5,9 +5,8 @@ from typing import Literal
 
 from armwright_wire.robots import dynamics as schema
 from armwright_wire.robots.robot import RobotBody
-from dynamics.equations.page import write_page
 from dynamics.equations.parameters import textbook_table
-from dynamics.equations.sheet import Motion, Sheet, write_sheet
+from dynamics.equations.sheet import Motion, Sheet, write_page, write_sheet
 from dynamics.equations.writing import Notation
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.model.chain import Chain

@@ -21,7 +21,7 @@ from planning.constrained.ik import (
     constrained_ik,
 )
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.relative_pose import RelativePoseConstraint
+from planning.constraints.kinds.constraint import RelativePoseConstraint
 from planning.constraints.solvers.conflict import conflict
 from planning.values.deadline import Deadline
 from service.endpoints.attached_objects import RobotInScene

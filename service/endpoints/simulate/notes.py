@@ -13,7 +13,7 @@ from tracking.controllers.independent_joint import IndependentJoint
 from tracking.controllers.passivity import Passivity
 from tracking.controllers.pd_gravity import PdGravity
 from tracking.simulation.result import SimulationResult
-from tracking.tube.limit_use import limit_uses
+from tracking.tube.tube import limit_uses
 
 #: Excess of a limit, and jump of a reference, that is no rounding error [rad or m, rad/s or m/s].
 _ROUNDING = 1e-9

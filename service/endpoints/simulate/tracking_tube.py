@@ -16,8 +16,7 @@ from planning.proof.certificate import Certificate, certify
 from planning.values.deadline import Deadline
 from tracking.simulation.integrators.global_error import LOST
 from tracking.simulation.result import SimulationOutcome, SimulationResult
-from tracking.tube.limit_use import limit_uses
-from tracking.tube.tube import Displacement, tube
+from tracking.tube.tube import Displacement, limit_uses, tube
 
 _Part = TypeVar("_Part", str, tuple[str, str])
 

@@ -31,8 +31,8 @@ from tracking.controllers.controller import Controller
 from tracking.controllers.gain import gain_vector
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
 from tracking.simulation.joint_stop import JointStops
-from tracking.simulation.options import SimulationOptions
 from tracking.simulation.result import SimulationOutcome, SimulationResult
+from tracking.simulation.setup import SimulationOptions
 
 #: Evaluations of the dynamics that a second of motion may take: ten times what a stiff arm needs.
 _EVALUATIONS_PER_SECOND = 100_000

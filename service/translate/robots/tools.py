@@ -11,8 +11,7 @@ from dynamics.model.payload import inertia
 from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.model.chain import Inertia
 from obstacles.robots.robot_geometry import RobotGeometry
-from obstacles.robots.tool import PART, Jaw, Solid, Tool, mount, with_tip
-from obstacles.robots.tool_forms import built_in_tool
+from obstacles.robots.tool import PART, Jaw, Solid, Tool, built_in_tool, mount, with_tip
 from service.translate import poses
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.mathtext import MathTextParser
 
-from dynamics.equations.page import write_page
 from dynamics.equations.parameters import textbook_table
-from dynamics.equations.sheet import Sheet, write_sheet
+from dynamics.equations.sheet import Sheet, write_page, write_sheet
 from dynamics.equations.writing import Notation
 from dynamics.terms import coriolis_matrix, mass_matrix
 from kinematics.errors import InvalidOption

@@ -16,8 +16,7 @@ from obstacles.robots.grasps import (
     jaw_span,
     object_down,
 )
-from obstacles.robots.tool import mount
-from obstacles.robots.tool_forms import built_in_tool
+from obstacles.robots.tool import built_in_tool, mount
 from obstacles.shapes.shape import Box, Convex, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
 DOWN = np.array([0.0, 0.0, -1.0])

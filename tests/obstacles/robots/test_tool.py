@@ -24,8 +24,7 @@ from obstacles.collision.checker import Checker
 from obstacles.robots.attachment import Attachment, hold
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
-from obstacles.robots.tool import Jaw, Solid, Tool, mount, with_tip
-from obstacles.robots.tool_forms import FORMS, SIZES, built_in_tool
+from obstacles.robots.tool import FORMS, SIZES, Jaw, Solid, Tool, built_in_tool, mount, with_tip
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Cylinder, HalfSpace, Sphere
 

@@ -14,7 +14,7 @@ from obstacles.scenes.scene import Scene
 from planning.clearance.levels import clearance_levels
 from planning.clearance.moving_away import keep_clear
 from planning.clearance.time_shortcut import _Bounds, _meet, quicken, quicken_kernel
-from planning.search.sampled_check import look_of
+from planning.search.shortcut import look_of
 from planning.timing.estimate import LEG_ROWS, estimate_limits, estimated_time
 from planning.values.deadline import Deadline
 from planning.values.preferred_clearance import PreferredClearance

@@ -10,8 +10,7 @@ from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.joint import JointConstraint
-from planning.constraints.kinds.orientation import ConeConstraint
+from planning.constraints.kinds.constraint import ConeConstraint, JointConstraint
 from planning.constraints.row import Column
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin, pillar

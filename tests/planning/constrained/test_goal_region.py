@@ -11,8 +11,7 @@ from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.pose_goals import goal_configurations, pose_constraint
 from planning.constrained.projected_rrt import GoalRegion
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.joint import JointConstraint
-from planning.constraints.kinds.orientation import OrientationConstraint
+from planning.constraints.kinds.constraint import JointConstraint, OrientationConstraint
 from planning.options import Options
 from planning.problem import PoseGoal, Problem
 from tests.planning.pinocchio_arm import PinocchioArm

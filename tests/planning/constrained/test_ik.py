@@ -18,13 +18,15 @@ from obstacles.shapes.shape import Sphere
 from planning.constrained import ik
 from planning.constrained.ik import Descents, IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.constraint import (
+    ConeConstraint,
+    JointConstraint,
+    LookAtConstraint,
+    PositionConstraint,
+    RelativePoseConstraint,
+)
 from planning.constraints.kinds.limit import ClearanceConstraint, ToolSpeedConstraint
-from planning.constraints.kinds.look_at import LookAtConstraint
-from planning.constraints.kinds.orientation import ConeConstraint
-from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import BoxRegion, SphereRegion
-from planning.constraints.kinds.relative_pose import RelativePoseConstraint
 from planning.constraints.solvers.active_set import FEASIBLE, descend
 from planning.constraints.solvers.active_set_program import (
     LEAST_GAIN,

@@ -13,8 +13,7 @@ from planning.constrained.path_constraints import (
 )
 from planning.constrained.relaxation import Relaxation, find_relaxation
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.joint import JointConstraint
-from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.constraint import JointConstraint, PositionConstraint
 from planning.constraints.kinds.region import PlaneRegion
 from planning.preflight_result import Ready
 from planning.problem import JointGoal, Problem

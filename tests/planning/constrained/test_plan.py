@@ -18,15 +18,19 @@ from obstacles.scenes.scene import Scene
 from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constrained.path_constraints import apply_path_constraints
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import Constraint, Geometric
-from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.constraint import (
+    ConeConstraint,
+    Constraint,
+    Geometric,
+    JointConstraint,
+    OrientationConstraint,
+    PositionConstraint,
+)
 from planning.constraints.kinds.limit import (
     ClearanceConstraint,
     ToolSpeedConstraint,
     TorqueConstraint,
 )
-from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
 from planning.field.options import FieldOptions
 from planning.field.planner import potential_field

@@ -5,13 +5,16 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.pose import transform
-from planning.constraints.kinds.constraint import Geometric
-from planning.constraints.kinds.joint import JointConstraint
-from planning.constraints.kinds.look_at import LookAtConstraint
-from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.constraint import (
+    ConeConstraint,
+    Geometric,
+    JointConstraint,
+    LookAtConstraint,
+    OrientationConstraint,
+    PositionConstraint,
+    RelativePoseConstraint,
+)
 from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
-from planning.constraints.kinds.relative_pose import RelativePoseConstraint
 from tests.kinematics.samples import random_rotation
 
 

@@ -19,8 +19,7 @@ from planning.constraints.edge_bounds import (
     edge_kernel,
     expand_kernel,
 )
-from planning.constraints.kinds.orientation import ConeConstraint
-from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.constraint import ConeConstraint, PositionConstraint
 from planning.constraints.kinds.region import PlaneRegion
 from planning.constraints.row import Column, RowKind
 from tests.dynamics.samples import random_chain

@@ -14,18 +14,21 @@ from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_names
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import Constraint
-from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.constraint import (
+    ConeConstraint,
+    Constraint,
+    JointConstraint,
+    LookAtConstraint,
+    OrientationConstraint,
+    PositionConstraint,
+    RelativePoseConstraint,
+)
 from planning.constraints.kinds.limit import (
     ClearanceConstraint,
     ToolSpeedConstraint,
     TorqueConstraint,
 )
-from planning.constraints.kinds.look_at import LookAtConstraint
-from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
-from planning.constraints.kinds.relative_pose import RelativePoseConstraint
 from planning.constraints.row import Column, RowKind
 from planning.constraints.row_value import (
     sideways_kernel,

@@ -18,9 +18,8 @@ from kinematics.trajectory.interpolation import interpolate
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
-from planning.exports.export import Export, export, joint_tolerance, lever_arms
+from planning.exports.export import Export, _plain, export, joint_tolerance, lever_arms
 from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
-from planning.exports.statement import _plain
 from planning.options import Options
 from planning.problem import JointGoal, Problem
 from planning.timing.options import Solver, TimingOptions

@@ -11,7 +11,7 @@ from obstacles.projection.fcl_projection import FclProjector
 from obstacles.projection.projection import Projector
 from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.constraint import JointConstraint
 from planning.constraints.row import WIDTH
 from planning.field.control_points import origin_points
 from planning.field.gradient_descent import GROWTH, Descent, Outcome, Proof

@@ -13,7 +13,7 @@ from kinematics.model.chain import Chain
 from kinematics.pose import from_rpy, transform
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Obstacle, Scene
-from planning.goal_choice.chosen_configuration import plan_configuration
+from planning.goal_choice.goal_order import plan_configuration
 from planning.options import Options
 from planning.pipeline import pipeline
 from planning.preflight.goals import pose_goals

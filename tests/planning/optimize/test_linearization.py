@@ -9,7 +9,7 @@ from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.constraint import JointConstraint
 from planning.optimize.iterate import Iterate
 from planning.optimize.linearization import (
     DEPTH,

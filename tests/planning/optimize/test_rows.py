@@ -9,10 +9,10 @@ from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.constraint import JointConstraint
 from planning.optimize import objective
 from planning.optimize.iterate import Iterate
-from planning.optimize.response import tool_speed, torques
+from planning.optimize.linearization import tool_speed, torques
 from planning.optimize.rows import end_rows, limit_rows, local_matrix, stack_rows
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task

@@ -15,7 +15,7 @@ from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.projected_rrt import ProjectedRrt
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.constraint import JointConstraint
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline import pipeline
 from planning.pipeline.pipeline import plan

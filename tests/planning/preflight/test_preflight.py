@@ -19,7 +19,7 @@ from obstacles.shapes.shape import Box, Sphere
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.preflight import failures
-from planning.preflight.nearest_free import nearest_free
+from planning.preflight.failures import nearest_free
 from planning.preflight_result import TOUCHING
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure, Plan

@@ -12,8 +12,7 @@ from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.robots import builtin_chain
-from planning.retiming.near_path import PathToTime
-from planning.retiming.retime import Retimed, retime
+from planning.retiming.retime import PathToTime, Retimed, retime
 from planning.timing.failure import TimingFailed
 from planning.timing.options import Payload, TimingOptions
 

@@ -13,8 +13,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
-from planning.retiming.near_path import PathToTime
-from planning.retiming.retime import Retimed, retime
+from planning.retiming.retime import PathToTime, Retimed, retime
 from planning.retiming.state_motion import time_states
 from planning.timing.failure import TimingFailed
 from planning.timing.jerk.state_to_state import JointState

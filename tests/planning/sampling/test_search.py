@@ -11,13 +11,11 @@ from ompl import geometric, util
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from planning.result import Attempt
+from planning.sampling import search as module
 from planning.sampling import search as search_module
-from planning.sampling import watch as module
 from planning.sampling.planners import PLANNERS, planner_by_name
-from planning.sampling.roadmap import Roadmap
-from planning.sampling.search import sample
+from planning.sampling.search import Roadmap, Watch, sample
 from planning.sampling.space import problem, solution, state_of
-from planning.sampling.watch import Watch
 from planning.values.deadline import Deadline
 from tests.planning.sampling.world import ENCLOSED, GOAL, SHORTEST, START, WALL, plane
 from tests.planning.scenes import HOME, builtin, pillar, shelf

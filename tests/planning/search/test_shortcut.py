@@ -10,9 +10,12 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.collision.model.kernel_work import workspace
 from obstacles.scenes.scene import Scene
-from planning.search.sampled_check import Look, all_look_free, look_of, looks_free
 from planning.search.shortcut import (
     _MAX_CHECKS,
+    Look,
+    all_look_free,
+    look_of,
+    looks_free,
     path_is_free,
     shortcut,
 )

@@ -11,8 +11,8 @@ import pytest
 import armwright as aw
 from kinematics.errors import InvalidGoal
 from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.kinds.constraint import ConeConstraint
 from planning.constraints.kinds.limit import ClearanceConstraint, ToolSpeedConstraint
-from planning.constraints.kinds.orientation import ConeConstraint
 from planning.options import Options
 from planning.problem import JointGoal, PoseGoal
 from planning.proof.certificate import certify
@@ -20,11 +20,10 @@ from planning.reach.tolerance import Tolerance
 from planning.result import Failure
 from planning.timing.choice import chosen_parametrization
 from planning.tours.legs import least_times
-from planning.tours.lower_bound import lower_bound
 from planning.tours.planner import plan_tour
 from planning.tours.problem import TourGoal, TourOptions, TourProblem
 from planning.tours.result import Tour
-from planning.tours.search import TourSearch
+from planning.tours.search import TourSearch, lower_bound
 from planning.values import deadline
 from planning.values.deadline import Deadline
 from service.endpoints.tours.translation import tour_answer

@@ -9,14 +9,14 @@ from kinematics.arrays import Indices
 from kinematics.errors import InvalidGoal
 from planning.timing.rest_to_rest import Times
 from planning.tours.local_search import (
+    Network,
     enqueue,
+    make_network,
     nearest_neighbour_tour,
     search_kernel,
     search_work,
     tour_time,
 )
-from planning.tours.lower_bound import lower_bound
-from planning.tours.network import Network, make_network
 from planning.tours.problem import (
     check_order,
     find_cycle,
@@ -24,6 +24,7 @@ from planning.tours.problem import (
     group_numbers,
     precedence_table,
 )
+from planning.tours.search import lower_bound
 
 GOALS, BRANCHES = 6, 3
 

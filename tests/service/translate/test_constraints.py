@@ -13,7 +13,7 @@ from kinematics.errors import InvalidGoal, InvalidLinkName
 from kinematics.forward import forward
 from kinematics.pose import from_axis_angle, to_quaternion
 from kinematics.robots import builtin_chain
-from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.constraint import JointConstraint
 from service.translate.constraints import constraint_set, uses
 
 CHAIN = builtin_chain("panda")

@@ -10,10 +10,9 @@ from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
-from tracking.simulation.options import SimulationOptions
 from tracking.simulation.references import ReferenceSignal
 from tracking.simulation.result import settling_time
-from tracking.simulation.schedule import periods, schedule
+from tracking.simulation.setup import SimulationOptions, periods, schedule
 
 CHAIN = builtin_chain("planar_rr")
 # ---------------------------------------------------------------------------------- options

@@ -9,7 +9,6 @@ from kinematics.model.chain import Limits
 from tests.tracking.samples import constant, slider
 from tracking.controllers.independent_joint import IndependentJoint
 from tracking.simulation.simulation import SimulationOptions, simulate
-from tracking.tube.limit_use import limit_uses
 from tracking.tube.motion_bounds import (
     MotionBounds,
     Quantity,
@@ -17,6 +16,7 @@ from tracking.tube.motion_bounds import (
     empty_bounds,
     hermite_polynomials,
 )
+from tracking.tube.tube import limit_uses
 
 
 @pytest.mark.parametrize("period", [0.37, 1.0])

@@ -29,7 +29,7 @@ from tracking.simulation.loop import (
     command_kernel,
     rate_kernel,
 )
-from tracking.simulation.schedule import Events
+from tracking.simulation.setup import Events
 
 # How a run ends.
 COMPLETED = 0

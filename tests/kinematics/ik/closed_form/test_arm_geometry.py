@@ -5,8 +5,7 @@ import pytest
 
 from kinematics.forward import forward, joint_frames
 from kinematics.ik.closed_form.analytic import branches, parameter
-from kinematics.ik.closed_form.arm_parts import ArmSides, arm_sides
-from kinematics.ik.closed_form.arm_reach import out_of_reach
+from kinematics.ik.closed_form.arm_parts import ArmSides, arm_sides, out_of_reach
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.numeric.numeric import Axis, SearchOptions, solve
 from kinematics.jacobian import geometric

@@ -15,9 +15,11 @@ from kinematics.model.dh import chain_from_dh
 from kinematics.model.dh_table import DhRow, DhTable
 from obstacles.collision.checker import Checker, collision_model
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.joint import JointConstraint
-from planning.constraints.kinds.orientation import ConeConstraint
-from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.constraint import (
+    ConeConstraint,
+    JointConstraint,
+    PositionConstraint,
+)
 from planning.constraints.kinds.region import PlaneRegion, SphereRegion
 from planning.constraints.row_value import sideways_kernel
 from planning.constraints.solvers.active_set import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.constraint import JointConstraint
 from planning.constraints.row import Row
 from planning.proof.constraints import residual_row
 from planning.proof.constraints.residual_row import (

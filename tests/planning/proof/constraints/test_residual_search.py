@@ -17,13 +17,16 @@ from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import edge_holds
-from planning.constraints.kinds.constraint import Geometric
-from planning.constraints.kinds.joint import JointConstraint
-from planning.constraints.kinds.look_at import LookAtConstraint
-from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.constraint import (
+    ConeConstraint,
+    Geometric,
+    JointConstraint,
+    LookAtConstraint,
+    OrientationConstraint,
+    PositionConstraint,
+    RelativePoseConstraint,
+)
 from planning.constraints.kinds.region import LineRegion, PlaneRegion, SphereRegion
-from planning.constraints.kinds.relative_pose import RelativePoseConstraint
 from planning.proof.constraints.residual_search import (
     LEAST_GAP,
     SHARP,

@@ -13,16 +13,17 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.failure import TimingFailed
-from planning.timing.jerk.grid import KnotLimits, grid
-from planning.timing.jerk.interior_point import least_time_kernel
-from planning.timing.jerk.jerk_limited import TOLERANCE, _start, time_path_with_jerk
-from planning.timing.jerk.limits import (
+from planning.timing.jerk.grid import (
     JerkLimits,
+    KnotLimits,
+    grid,
     inside_kernel,
     jerk_at_kernel,
     knot_kernel,
     time_kernel,
 )
+from planning.timing.jerk.interior_point import least_time_kernel
+from planning.timing.jerk.jerk_limited import TOLERANCE, _start, time_path_with_jerk
 from planning.timing.jerk.ruckig import line_phases
 from planning.timing.path.blend import blend, largest_reaches, reach_for_deviation
 from planning.timing.path.path import JointPath

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array, Indices
-from planning.timing.path.fewest_points import leg_stands_kernel
-from planning.timing.path.simplification import fewest_waypoints, kept_waypoints
+from planning.timing.path.simplification import fewest_waypoints, kept_waypoints, leg_stands_kernel
 
 KINDS = ("smooth", "noisy", "repeated", "there and back", "corners", "loop")
 

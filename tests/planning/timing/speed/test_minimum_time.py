@@ -16,8 +16,7 @@ from planning.timing.options import TOPPRA_SOLVERS, Solver
 from planning.timing.path.blend import blend, largest_reaches
 from planning.timing.path.path import JointPath
 from planning.timing.speed.constraints import Cells, cells
-from planning.timing.speed.minimum_time import MAX_RESOLUTION, time_path
-from planning.timing.speed.reachability import squared_speeds
+from planning.timing.speed.minimum_time import MAX_RESOLUTION, squared_speeds, time_path
 from planning.timing.spline.spline import chord_knots, spline_path
 from tests.planning.timing.timed_paths import (
     PANDA_ACCELERATION,

@@ -31,8 +31,8 @@ from planning.timing.motion_timing import motions
 from planning.timing.options import Payload, TimingOptions
 from planning.timing.parametrization import WORTH
 from planning.timing.path.blend import blend, largest_reaches, merge
-from planning.timing.spline.quintic_basis import DEGREE
 from planning.timing.spline.quintic_fit import (
+    DEGREE,
     MIN_SPANS,
     even_parts,
     fit_pieces,
