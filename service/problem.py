@@ -45,6 +45,16 @@ class ProblemError(Exception):
         self.details = details
 
 
+def request_problem(code: str, detail: str, **more: Any) -> ProblemError:
+    """A fault of a request, found before anything was computed of it."""
+    return ProblemError(code, detail, stage="request", **more)
+
+
+def storage_problem(code: str, detail: str, **more: Any) -> ProblemError:
+    """A fault about what is stored, or about the storage."""
+    return ProblemError(code, detail, stage="storage", **more)
+
+
 def from_fields(
     code: str, message: str, hint: str | None, details: Mapping[str, Any]
 ) -> ProblemError:

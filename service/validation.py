@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import from_json
 
-from service.problem import ProblemError
+from service.problem import ProblemError, request_problem
 
 #: Numbers that are not finite which a problem lists.
 _MAX_LISTED = 20
@@ -83,10 +83,9 @@ def _has_fields(value: Any, count: int) -> bool:
 
 
 def _too_many_fields(what: str, limit: int) -> ProblemError:
-    return ProblemError(
+    return request_problem(
         "VALIDATION_ERROR",
         f"{what} has more than {limit} fields",
-        stage="request",
         hint="No request needs as many; /docs shows what this endpoint takes.",
         max_fields=limit,
     )
@@ -103,10 +102,9 @@ def _duplicate_problem(content: bytes) -> ProblemError:
             seen.add(name)
 
     json.loads(content, object_pairs_hook=note)
-    return ProblemError(
+    return request_problem(
         "VALIDATION_ERROR",
         f"an object has the field {names[0]!r} twice",
-        stage="request",
         hint="Give each field of an object once.",
         errors=[{"path": name, "problem": "given twice"} for name in names[:_MAX_LISTED]],
     )
@@ -122,16 +120,14 @@ def _syntax_problem(content: bytes, message: str) -> ProblemError:
             path for _, path in zip(range(_MAX_LISTED), _non_finite_paths(lenient), strict=False)
         ]
     if paths:
-        return ProblemError(
+        return request_problem(
             "VALIDATION_ERROR",
             f"{', '.join(paths)}: not a finite number; JSON has no NaN or Infinity",
-            stage="request",
             errors=[{"path": path, "problem": "not a finite number"} for path in paths],
         )
-    return ProblemError(
+    return request_problem(
         "VALIDATION_ERROR",
         f"the body is not valid JSON: {message}",
-        stage="request",
         hint="Send one JSON value in UTF-8.",
         errors=[{"path": "body", "problem": message}],
     )
@@ -213,10 +209,9 @@ def validation_problem(errors: Sequence[Mapping[str, Any]], body: Any) -> Proble
     count = len(errors) - len(listed) + len(found)
     sentence = "; ".join(f"{item['path']}: {item['problem']}" for item in found[:_MAX_IN_SENTENCE])
     more = count - _MAX_IN_SENTENCE
-    return ProblemError(
+    return request_problem(
         "VALIDATION_ERROR",
         sentence + (f"; and {more} more" if more > 0 else ""),
-        stage="request",
         hint=_TOOL_HINT
         if any(_asks_for_a_tool(error) for error in listed)
         else "details.errors lists every field; /docs shows what this endpoint takes.",

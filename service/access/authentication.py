@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from service.access import secret
 from service.access.caller import ANYONE, Caller
-from service.problem import ProblemError
+from service.problem import ProblemError, request_problem
 from service.storage.stores.key_store import ApiKey, KeyStore
 
 #: How long a key is believed that was looked up [s]: revoking takes effect within that time.
@@ -94,10 +94,9 @@ def _key_in(headers: Mapping[str, str]) -> str | None:
 
 
 def _unauthenticated(detail: str) -> ProblemError:
-    return ProblemError(
+    return request_problem(
         "UNAUTHENTICATED",
         detail,
-        stage="request",
         hint="Send the header Authorization: Bearer aw_<id>_<secret>, or X-API-Key. Whoever runs "
         "the service makes one with `armwright keys create`.",
     )

@@ -22,7 +22,7 @@ from service.http.state import (
     repository_of,
     settings_of,
 )
-from service.problem import ProblemError, from_fields
+from service.problem import ProblemError, from_fields, storage_problem
 from service.storage.caches.cache_key import Kind, Mount, Reference
 from service.storage.caches.mounts import Asked, mount_of
 from service.storage.robot_repository import is_built_in
@@ -336,10 +336,9 @@ async def _prepare(request: Request, reference: Reference) -> Reference:
 
 
 def _replaced_meanwhile() -> ProblemError:
-    return ProblemError(
+    return storage_problem(
         "CONFLICT",
         "the robot or the scene keeps being replaced",
-        stage="storage",
         hint="Ask again when nobody changes it.",
     )
 

@@ -13,7 +13,7 @@ from service.access.caller import client_of
 from service.http.layer.admission import Admission
 from service.http.layer.request_checks import ARRIVAL
 from service.http.state import end_dry_run, job_context, settings_of, supervisor_of
-from service.problem import ProblemError
+from service.problem import ProblemError, request_problem
 from service.settings import Settings
 from service.workers.process import Background, OnProgress
 from service.workers.task import Job
@@ -34,10 +34,9 @@ def allowed_time(settings: Settings, timeout: float | None) -> float:
     """
     seconds = settings.default_timeout if timeout is None else timeout
     if seconds > settings.max_timeout:
-        raise ProblemError(
+        raise request_problem(
             "VALIDATION_ERROR",
             f"timeout: {seconds:g} s is longer than the {settings.max_timeout:g} s allowed here",
-            stage="request",
             hint=f"Ask for at most {settings.max_timeout:g} s.",
             max_timeout=settings.max_timeout,
         )

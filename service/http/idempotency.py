@@ -10,7 +10,7 @@ from starlette.concurrency import run_in_threadpool
 from service.access.caller import caller_of
 from service.http.request_headers import field
 from service.http.state import store_of
-from service.problem import ProblemError
+from service.problem import request_problem
 from service.storage.stores.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
 
 _MAX_KEY = 255
@@ -35,10 +35,9 @@ async def answer_once(
     if key is None or request.method != "POST":
         return await handle(request)
     if not 1 <= len(key) <= _MAX_KEY or not key.isascii() or not key.isprintable():
-        raise ProblemError(
+        raise request_problem(
             "VALIDATION_ERROR",
             f"the header Idempotency-Key must be 1 to {_MAX_KEY} printable ASCII characters",
-            stage="request",
         )
     answers = store_of(request).answers
     claimed = IdempotencyKey(

@@ -22,7 +22,7 @@ from service.http.layer.admission import named_timeout
 from service.http.openapi import RESPONSES
 from service.http.request_headers import field, values
 from service.http.state import job_context, settings_of, supervisor_of
-from service.problem import ProblemError, from_fields
+from service.problem import from_fields, request_problem
 from service.settings import Settings
 from service.task_references import outline
 from service.validation import check_field_count, parse_json, validate_as
@@ -149,10 +149,9 @@ def require_json(content_type: str | None) -> None:
         return
     media_type = (content_type or "").split(";")[0].strip().lower()
     if not _JSON_TYPE.fullmatch(media_type):
-        raise ProblemError(
+        raise request_problem(
             "UNSUPPORTED_MEDIA_TYPE",
             f"this endpoint takes JSON, not {media_type or 'a body without a content type'}",
-            stage="request",
             hint="Send the header Content-Type: application/json.",
         )
 
@@ -165,10 +164,9 @@ def require_plain(content_encoding: str | None) -> None:
     """
     encoding = (content_encoding or "identity").strip().lower()
     if encoding != "identity":
-        raise ProblemError(
+        raise request_problem(
             "UNSUPPORTED_MEDIA_TYPE",
             f"bodies that are encoded ({encoding[:40]}) are not taken",
-            stage="request",
             hint="Send the JSON as it is, without Content-Encoding; answers are compressed "
             "for Accept-Encoding: gzip.",
         )
@@ -183,10 +181,9 @@ def _require_known(request: Request, known: set[str]) -> None:
     unknown = [name for name in request.query_params if name not in known]
     if unknown:
         taken = ", ".join(sorted(known)) or "none"
-        raise ProblemError(
+        raise request_problem(
             "VALIDATION_ERROR",
             "; ".join(f"{name[:40]}: unknown query parameter" for name in unknown[:5]),
-            stage="request",
             hint=f"Query parameters that this endpoint takes: {taken}.",
         )
 

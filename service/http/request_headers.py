@@ -5,7 +5,7 @@ import re
 from fastapi import Request
 from starlette.types import Scope
 
-from service.problem import ProblemError
+from service.problem import ProblemError, storage_problem
 
 #: The quality of what is not accepted.
 _REFUSED = re.compile(rb"q=0(\.0{0,3})?")
@@ -90,9 +90,8 @@ def _matches(tags: frozenset[str], current: str | None) -> bool:
 
 
 def _failed(detail: str) -> ProblemError:
-    return ProblemError(
+    return storage_problem(
         "PRECONDITION_FAILED",
         detail,
-        stage="storage",
         hint="Get what there is, look at it, and send the request with its ETag.",
     )

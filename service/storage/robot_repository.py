@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from kinematics.robot_names import builtin_names
-from service.problem import ProblemError
+from service.problem import ProblemError, storage_problem
 from service.storage.caches.cache_key import Kind, Reference, builtin_reference
 from service.storage.stores.document_store import Document, DocumentStore, Record
 from service.storage.stores.plan_store import PlanStore
@@ -62,10 +62,9 @@ class KeptDocuments:
             return self._current.get(kind, name)
         content = self._plans.document(digest, self._tenant)
         if content is None:
-            raise ProblemError(
+            raise storage_problem(
                 "CONFLICT",
                 f"the {kind} {name!r} was replaced while the plan was being made, and not kept",
-                stage="storage",
                 hint=f'Say "documents": "current" to use the {kind} of that name as it is now.',
             )
         # When it was stored is not known any more, and nobody asks.

@@ -9,7 +9,7 @@ from service.http.compute import allowed_time
 from service.http.json_route import Handler, JobRoute, json_router
 from service.http.state import DeferToJob, job_context, settings_of
 from service.jobs.batch import Batch
-from service.problem import ProblemError
+from service.problem import request_problem
 
 _RESULT = {200: {"description": "The result of the job", "model": BatchAnswer}}
 
@@ -53,10 +53,9 @@ async def _check(body: BatchRequest, request: Request) -> None:
     """Refuse a batch at fault as a whole; the fault of one problem is answered in its place."""
     settings = settings_of(request)
     if len(body.problems) > settings.batch_limit:
-        raise ProblemError(
+        raise request_problem(
             "PAYLOAD_TOO_LARGE",
             f"problems: {len(body.problems)} are more than the {settings.batch_limit} allowed here",
-            stage="request",
             hint="Send them in several batches.",
             batch_limit=settings.batch_limit,
         )

@@ -13,7 +13,7 @@ from armwright_wire.robots.robot import RobotBody
 from armwright_wire.scenes.scene import NamedScene
 from service.fields import picked
 from service.http.keeping import answer_digest
-from service.problem import ProblemError
+from service.problem import ProblemError, request_problem
 from service.storage.stores.plan_store import PlanContent, PlanRecord, PlanStore
 from service.validation import parse_json, validate_as
 
@@ -107,10 +107,9 @@ def _is_object(text: str) -> bool:
 
 
 def _broken(detail: str) -> ProblemError:
-    return ProblemError(
+    return request_problem(
         "VALIDATION_ERROR",
         detail,
-        stage="request",
         hint="The bundle was changed. Fetch it again from GET /v1/plans/{id}/bundle.",
     )
 

@@ -25,7 +25,7 @@ from service.http import answers
 from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import JsonRequest, json_router, require_json, require_plain
 from service.http.state import documents_of, prepared_folder
-from service.problem import ProblemError
+from service.problem import ProblemError, request_problem, storage_problem
 from service.storage.caches import prepared_files
 from service.storage.robot_repository import is_built_in
 from service.storage.stores.document_store import Record
@@ -176,10 +176,9 @@ async def change_robot(name: str, request: Request, _body: RobotChanges) -> Resp
     document, answer = await answers.build(request, job)
     reference = await answers.robot(request, name)
     if reference.hash != before.record.hash:
-        raise ProblemError(
+        raise storage_problem(
             "CONFLICT",
             f"robot {name!r} was replaced while its limits were changed",
-            stage="storage",
             hint="Send the change again.",
             name=name,
         )
@@ -239,10 +238,9 @@ async def _from_form(request: Request) -> tuple[bytes, bytes, str]:
 def _parts(form: FormData) -> tuple[UploadFile, dict[str, Any]]:
     files = [value for value in form.values() if isinstance(value, UploadFile)]
     if len(files) != 1:
-        raise ProblemError(
+        raise request_problem(
             "VALIDATION_ERROR",
             "the form holds no file: one .zip is needed",
-            stage="request",
             hint="Send the archive as a file, say in the field file, and name as a text field.",
         )
     # Forms of pages send fields that nobody filled in, too.
@@ -266,10 +264,9 @@ def _json_field(name: str, text: str) -> Any:
     try:
         return parse_json(text.encode())
     except ProblemError as error:
-        raise ProblemError(
+        raise request_problem(
             "VALIDATION_ERROR",
             f"{name}: {error.detail}",
-            stage="request",
             hint=f"Give it as {_OBJECTS[name]}.",
         ) from None
 
@@ -284,10 +281,9 @@ async def _check_name(request: Request, name: str) -> None:
         await run_in_threadpool(documents_of(request).record, _KIND, name)
     except ProblemError:
         return
-    raise ProblemError(
+    raise storage_problem(
         "CONFLICT",
         f"there already is a robot named {name!r}",
-        stage="storage",
         hint="Choose another name, or delete that robot.",
         name=name,
     )
@@ -295,10 +291,9 @@ async def _check_name(request: Request, name: str) -> None:
 
 def _refuse_built_in(name: str) -> None:
     if is_built_in(name):
-        raise ProblemError(
+        raise storage_problem(
             "CONFLICT",
             f"{name!r} is a built-in robot, which can't be replaced or deleted",
-            stage="storage",
             hint="Choose another name.",
             name=name,
         )

@@ -21,7 +21,7 @@ from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import json_router
 from service.http.request_headers import check_precondition
 from service.http.state import documents_of, prepared_folder
-from service.problem import ProblemError
+from service.problem import ProblemError, request_problem
 from service.storage.caches import prepared_files
 from service.storage.caches.cache_key import Reference
 from service.storage.stores.document_store import Record
@@ -87,10 +87,9 @@ async def get_scene(name: str, request: Request) -> Response:
 async def put_scene(name: str, body: Scene, request: Request, response: Response) -> SceneSummary:
     """Checks the scene and stores it under the name in the path; 201 if there was none."""
     if body.name not in (None, name):
-        raise ProblemError(
+        raise request_problem(
             "VALIDATION_ERROR",
             f"name: {body.name!r} in the body, but {name!r} in the path",
-            stage="request",
             hint="Leave the name out of the body.",
         )
     validate_as(NamedScene, {"obstacles": [], "name": name})

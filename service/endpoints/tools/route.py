@@ -14,7 +14,7 @@ from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import json_router
 from service.http.request_headers import check_precondition
 from service.http.state import documents_of
-from service.problem import ProblemError
+from service.problem import request_problem, storage_problem
 from service.storage.caches.mounts import builtin_tool
 from service.storage.stores.document_store import Record
 from service.task_references import make_tool
@@ -72,10 +72,9 @@ async def get_tool(name: str, request: Request) -> Response:
 async def put_tool(name: str, body: Tool, request: Request, response: Response) -> ToolSummary:
     """Checks the tool and stores it under the name in the path; 201 if there was none."""
     if body.name not in (None, name):
-        raise ProblemError(
+        raise request_problem(
             "VALIDATION_ERROR",
             f"name: {body.name!r} in the body, but {name!r} in the path",
-            stage="request",
             hint="Leave the name out of the body.",
         )
     validate_as(NamedTool, {"form": {"type": "torch"}, "name": name})
@@ -107,10 +106,9 @@ def _check_free(name: str) -> None:
         ProblemError: CONFLICT.
     """
     if name in BUILTIN_TOOLS:
-        raise ProblemError(
+        raise storage_problem(
             "CONFLICT",
             f"{name!r} is the name of a built-in tool",
-            stage="storage",
             hint='Choose another name; "form" gives it other sizes.',
         )
 

@@ -33,7 +33,7 @@ from service.http.layer.request_checks import (
 from service.http.metrics import Metrics
 from service.http.request_headers import accepts_gzip, field
 from service.http.state import JOB_CONTEXT
-from service.problem import ProblemError
+from service.problem import ProblemError, request_problem
 from service.settings import Settings
 from service.storage.stores.key_store import ApiKey
 from service.storage.stores.key_store import Scope as NeededScope
@@ -182,10 +182,9 @@ class ServiceMiddleware:
         """
         check_head(scope)
         if self._health_only and scope["path"] not in HEALTH_PATHS:
-            raise ProblemError(
+            raise request_problem(
                 "NOT_FOUND",
                 "an agent answers for its health and metrics only",
-                stage="request",
                 hint=f"GET {', '.join(HEALTH_PATHS)}; ask a server for everything else.",
             )
         check_host(scope, self._settings.host_names, self._settings.origins)

@@ -19,6 +19,7 @@ import re
 import tempfile
 import time
 from dataclasses import dataclass
+from typing import Any
 
 from starlette.requests import ClientDisconnect
 from starlette.types import Message, Receive, Scope
@@ -39,6 +40,11 @@ ANY_HOST = "*"
 #: Methods that change nothing.
 _READING = frozenset({"GET", "HEAD", "OPTIONS"})
 _HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._\-]+)(:[0-9]{1,5})?")
+
+
+def _refused(code: str, detail: str, **more: Any) -> HttpProblemError:
+    """A fault of a request that ends its connection."""
+    return HttpProblemError(code, detail, _CLOSE, stage="request", **more)
 
 
 def check_head(scope: Scope) -> None:
@@ -78,11 +84,9 @@ def offers_upgrade(scope: Scope) -> bool:
 
 
 def _malformed(detail: str) -> HttpProblemError:
-    return HttpProblemError(
+    return _refused(
         "INVALID_REQUEST",
         detail,
-        _CLOSE,
-        stage="request",
         hint="The request must follow HTTP/1.1 (RFC 9112).",
         status=400,
     )
@@ -151,22 +155,18 @@ def check_host(scope: Scope, names: frozenset[str], origins: tuple[str, ...]) ->
     host = field(scope, b"host")
     # HTTP/1.1 without the header is refused by `check_head`; older requests come from probes.
     if host is not None and not allowed_host(host, names):
-        raise HttpProblemError(
+        raise _refused(
             "HOST_NOT_ALLOWED",
             f"this service does not answer for the host {host[:100]!r}",
-            _CLOSE,
-            stage="request",
             hint="List the name in ARMWRIGHT_ALLOWED_HOSTS where the service is run.",
         )
     if scope["method"] in _READING:
         return
     origin, site = field(scope, b"origin"), field(scope, b"sec-fetch-site")
     if is_foreign(origin, site, host, origins):
-        raise HttpProblemError(
+        raise _refused(
             "FORBIDDEN",
             f"a page of {(origin or 'another site')[:100]!r} may not change anything here",
-            _CLOSE,
-            stage="request",
             hint="List its origin in ARMWRIGHT_CORS_ORIGINS where the service is run.",
         )
 
@@ -229,11 +229,9 @@ async def _in_time(scope: Scope, receive: Receive, limits: BodyLimits) -> Messag
     except TimeoutError:
         late = f"the body did not arrive within {limits.deadline:g} s"
         silent = f"nothing of the body arrived for {limits.silence:g} s"
-        raise HttpProblemError(
+        raise _refused(
             "REQUEST_TIMEOUT",
             silent if limits.silence < left else late,
-            _CLOSE,
-            stage="request",
         ) from None
 
 
@@ -243,11 +241,9 @@ def _check_size(size: int, limits: BodyLimits) -> None:
 
 
 def _too_large(limits: BodyLimits) -> HttpProblemError:
-    return HttpProblemError(
+    return _refused(
         "PAYLOAD_TOO_LARGE",
         f"the body is larger than {limits.max_size} bytes",
-        _CLOSE,
-        stage="request",
         hint="Split the request, or raise ARMWRIGHT_MAX_BODY_SIZE where the service is run.",
         max_body_size=limits.max_size,
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
-from service.problem import ProblemError
+from service.problem import ProblemError, storage_problem
 from service.storage.caches.recent import RecordCache
 from service.storage.database import Database
 from service.storage.stores.audit_store import Actor, note
@@ -135,10 +135,9 @@ class DocumentStore:
                     keep_answer(connection, answer.key, answer.of(record))
                 return record
         except IntegrityError:
-            raise ProblemError(
+            raise storage_problem(
                 "CONFLICT",
                 f"there already is a {kind} named {name!r}",
-                stage="storage",
                 hint=f"Choose another name, delete that {kind}, or replace it with PUT.",
                 name=name,
             ) from None
@@ -286,11 +285,10 @@ class DocumentStore:
             return
         size = connection.execute(_SIZE, {"of_tenant": self._tenant}).scalar_one()
         if size > self._storage_limit:
-            raise ProblemError(
+            raise storage_problem(
                 "QUOTA_EXCEEDED",
                 f"robots and scenes would take {size} of the {self._storage_limit} bytes that this "
                 "API key allows",
-                stage="storage",
                 hint="Delete some of them, or have the limit raised.",
                 size=size,
                 storage_limit=self._storage_limit,
@@ -298,10 +296,9 @@ class DocumentStore:
 
 
 def _not_found(kind: str, name: str) -> ProblemError:
-    return ProblemError(
+    return storage_problem(
         "NOT_FOUND",
         f"there is no {kind} named {name!r}",
-        stage="storage",
         hint=f"GET /v1/{kind}s lists those there are.",
         name=name,
     )

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 from sqlalchemy import Connection, bindparam, delete, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
-from service.problem import ProblemError
+from service.problem import ProblemError, request_problem
 from service.storage.database import Database
 from service.storage.stores.server_store import is_abandoned
 from service.storage.tables import DEFAULT_TENANT, answers
@@ -177,10 +177,9 @@ def _earlier(
     body: bytes,
 ) -> Recorded:
     if request_hash != hash_then:
-        raise ProblemError(
+        raise request_problem(
             "IDEMPOTENCY_KEY_REUSED",
             f"the Idempotency-Key {key.key!r} was used for a request with another body",
-            stage="request",
             hint="Use a new key for a new request.",
         )
     if status is None:
@@ -189,10 +188,9 @@ def _earlier(
 
 
 def _in_work(key: IdempotencyKey) -> ProblemError:
-    return ProblemError(
+    return request_problem(
         "CONFLICT",
         f"the first request with the Idempotency-Key {key.key!r} is still being worked on",
-        stage="request",
         hint="Ask again in a moment; the answer will be that of the first request.",
         retry_after=1,
     )

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from sqlalchemy import bindparam, delete, exists, func, insert, select, update
 
-from service.problem import ProblemError
+from service.problem import ProblemError, storage_problem
 from service.storage.database import Database
 from service.storage.messages import JOB_PRIORITY, add_messages
 from service.storage.stores.idempotency_store import KeptAnswer, keep_answer
@@ -316,9 +316,8 @@ class JobStore:
 
 def no_job(job_id: str) -> ProblemError:
     """The problem of a job that is not there."""
-    return ProblemError(
+    return storage_problem(
         "NOT_FOUND",
         f"there is no job {job_id[:100]!r}",
-        stage="storage",
         hint="GET /v1/jobs lists those there are; ended ones are forgotten after a while.",
     )

@@ -18,7 +18,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.exc import IntegrityError
 
-from service.problem import ProblemError
+from service.problem import ProblemError, storage_problem
 from service.storage.caches.cache_key import Kind
 from service.storage.database import Database
 from service.storage.tables import DEFAULT_TENANT, documents, plan_documents, plans
@@ -296,10 +296,9 @@ def document_hash(content: bytes) -> str:
 
 def no_plan(plan_id: str) -> ProblemError:
     """The problem of a kept plan that is not there."""
-    return ProblemError(
+    return storage_problem(
         "NOT_FOUND",
         f"there is no kept plan {plan_id[:100]!r}",
-        stage="storage",
         hint='GET /v1/plans lists those there are; a request with "keep": true adds one, and old '
         "ones are forgotten.",
     )
