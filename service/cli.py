@@ -109,17 +109,14 @@ def _parser() -> argparse.ArgumentParser:
         description="Answer requests until SIGTERM. Every setting is also an environment variable, "
         "ARMWRIGHT_HOST for --host and so on; the command line wins.",
     )
-    serve.add_argument("--host", help="address to listen on (127.0.0.1)")
     serve.add_argument("--port", type=int, help="port to listen on, 0 for a free one (8000)")
     serve.add_argument("--data-dir", type=Path, help="folder of the database (the user's data)")
-    serve.add_argument("--workers", type=int, help="worker processes (one a core)")
     serve.add_argument(
         "--insecure",
         action="store_true",
         default=None,
         help="listen beyond this machine though there are no API keys",
     )
-    serve.add_argument("--log-level", choices=("debug", "info", "warning", "error"))
     agent = commands.add_parser(
         "agent",
         help="work on jobs of servers that share a database, until SIGTERM",
@@ -128,11 +125,12 @@ def _parser() -> argparse.ArgumentParser:
         "setting is an environment variable as for serve. The port answers /healthz, /readyz and "
         "/metrics.",
     )
-    agent.add_argument("--host", help="address to listen on (127.0.0.1)")
     agent.add_argument("--port", type=int, help=f"port, 0 for a free one ({AGENT_PORT})")
     agent.add_argument("--data-dir", type=Path, help="folder of prepared robots and scenes")
-    agent.add_argument("--workers", type=int, help="worker processes (one a core)")
-    agent.add_argument("--log-level", choices=("debug", "info", "warning", "error"))
+    for server in (serve, agent):
+        server.add_argument("--host", help="address to listen on (127.0.0.1)")
+        server.add_argument("--workers", type=int, help="worker processes (one a core)")
+        server.add_argument("--log-level", choices=("debug", "info", "warning", "error"))
     warm = commands.add_parser(
         "warm",
         help="compile all kernels into their cache on disk",

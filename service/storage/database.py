@@ -376,17 +376,18 @@ def _parse(text_of_url: str) -> URL:
     raise StoreError(f"database URL {url.render_as_string()!r}: needed is {_FORMS}")
 
 
+#: Options of every engine.
+_POOL: dict[str, Any] = {
+    "pool_size": _CONNECTIONS,
+    "pool_timeout": _TURN_TIMEOUT,
+    "hide_parameters": True,
+}
+
+
 def _sqlite_engine(url: URL) -> Engine:
     # The driver's own idea of when transactions begin is switched off; `_begin` begins them.
     arguments = {"timeout": _LOCK_TIMEOUT, "isolation_level": None, "check_same_thread": False}
-    engine = create_engine(
-        url,
-        connect_args=arguments,
-        pool_size=_CONNECTIONS,
-        max_overflow=0,
-        pool_timeout=_TURN_TIMEOUT,
-        hide_parameters=True,
-    )
+    engine = create_engine(url, connect_args=arguments, max_overflow=0, **_POOL)
     event.listen(engine, "connect", _bound_pages)
     event.listen(engine, "begin", _begin)
     return engine
@@ -421,13 +422,7 @@ def _postgresql_engine(url: URL) -> Engine:
     }
     try:
         engine = create_engine(
-            url,
-            connect_args=arguments,
-            pool_size=_CONNECTIONS,
-            max_overflow=_CONNECTIONS,
-            pool_timeout=_TURN_TIMEOUT,
-            hide_parameters=True,
-            pool_pre_ping=True,
+            url, connect_args=arguments, max_overflow=_CONNECTIONS, pool_pre_ping=True, **_POOL
         )
     except ImportError as error:
         raise StoreError(

@@ -13,6 +13,7 @@ from obstacles.convex.triangles import Triangles, join, piece_triangles
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.visual_geometry import VisualBody, VisualGeometry
 from obstacles.scenes.scene import Obstacle, Scene
+from service.fields import picked
 
 #: All triangles of a page together: with their text they stay below 8 of its 10 MB [byte].
 _BUDGET = 5_500_000
@@ -93,13 +94,9 @@ def body_document(body: Body) -> dict[str, Any]:
     vertices, faces = body.surface
     kind = np.uint16 if len(vertices) < 2**16 else np.uint32
     return {
-        "name": body.name,
-        "kind": body.kind,
-        "joint": body.joint,
-        "simplified": body.simplified,
-        "color": body.color,
-        "vertices": _base64(vertices.astype("<f4")),
-        "faces": _base64(faces.astype(np.dtype(kind).newbyteorder("<"))),
+        **picked(body, "name", "kind", "joint", "simplified", "color"),
+        "vertices": packed(vertices.astype("<f4")),
+        "faces": packed(faces.astype(np.dtype(kind).newbyteorder("<"))),
         "wide": kind is np.uint32,
     }
 
@@ -135,5 +132,6 @@ def _size(body: Body) -> int:
     return 12 * len(vertices) + (6 if len(vertices) < 2**16 else 12) * len(faces)
 
 
-def _base64(values: Array | Indices) -> str:
+def packed(values: Array | Indices) -> str:
+    """The numbers of an array, in Base64."""
     return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()

@@ -16,6 +16,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.visual_geometry import VisualGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from planning.values.search_trees import WHOLE, Edge, Explored
+from service.fields import picked
 from service.viewer.bodies import bodies, body_document, visual_bodies
 from service.viewer.curves import clearance_curve, nearest, tool_speed_curve, torque_curve
 
@@ -170,27 +171,19 @@ def motion_document(
 def _mimic_joint(mimic: MimicJoint) -> dict[str, Any]:
     """A joint off the chain that mimics one of it, and the body before it."""
     return {
-        "parent": mimic.parent,
-        "leader": mimic.leader,
-        "multiplier": mimic.multiplier,
-        "offset": mimic.offset,
+        **picked(mimic, "parent", "leader", "multiplier", "offset"),
         "slides": mimic.joint_type == JointType.PRISMATIC,
         "frame": _flat(mimic.T_parent_joint),
     }
 
 
 def _joints(chain: Chain) -> list[dict[str, Any]]:
-    limits = chain.limits
+    limits = picked(chain.limits, "lower", "upper", "velocity", "acceleration", "jerk", "effort")
     return [
         {
             "name": name,
             "slides": bool(chain.joint_types[i] == JointType.PRISMATIC),
-            "lower": _finite(limits.lower[i]),
-            "upper": _finite(limits.upper[i]),
-            "velocity": _finite(limits.velocity[i]),
-            "acceleration": _finite(limits.acceleration[i]),
-            "jerk": _finite(limits.jerk[i]),
-            "effort": _finite(limits.effort[i]),
+            **{quantity: _finite(values[i]) for quantity, values in limits.items()},
         }
         for i, name in enumerate(chain.joint_names)
     ]
@@ -218,8 +211,7 @@ def tree_document(chain: Chain, explored: Explored) -> dict[str, Any]:
     """
     parts = sorted({edge.part for edge in explored.edges}, reverse=True)
     return {
-        "planner": explored.planner,
-        "runs": explored.runs,
+        **picked(explored, "planner", "runs"),
         "edges": len(explored.edges),
         "left_out": explored.left_out,
         "parts": [

@@ -127,10 +127,7 @@ def view(robot: Reference, scene: Reference | None, content: bytes, tree: bool =
             "id": whole.get("id"),
             "operation": operation,
             "failed": bool(kept.problem),
-            "created": whole.get("created"),
-            "version": whole.get("version"),
-            "seed": whole.get("seed"),
-            "digest": whole.get("digest"),
+            **{name: whole.get(name) for name in ("created", "version", "seed", "digest")},
             **robot_document(arm, place, shown.moved, worker_cache.visuals(robot)),
             "motion": motion,
             "configurations": configuration_documents(

@@ -1,6 +1,5 @@
 """Collision geometry of a robot, or what it looks like, as triangles, in workers."""
 
-import base64
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,7 @@ from pydantic_core import to_json
 
 from armwright_wire.robots.kinematics import FkRequest
 from armwright_wire.robots.robot import BodySurface, GeometryAnswer, GeometryKind
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import link_poses
 from kinematics.model.chain import Chain, Link
@@ -19,7 +18,7 @@ from obstacles.scenes.scene import Scene
 from service.endpoints.kinematics.task import fk_document
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
-from service.viewer.bodies import Body, bodies
+from service.viewer.bodies import Body, bodies, packed
 from service.workers.task import task
 
 
@@ -98,8 +97,8 @@ def _visual(body: VisualBody) -> BodySurface:
     return BodySurface(
         link=body.link,
         frame=body.link,
-        vertices=_base64(body.surface.vertices.astype("<f4")),
-        faces=_base64(body.surface.faces.astype("<u4")),
+        vertices=packed(body.surface.vertices.astype("<f4")),
+        faces=packed(body.surface.faces.astype("<u4")),
         simplified=body.simplified,
         color=None if body.color is None else list(body.color),
     )
@@ -112,8 +111,8 @@ def _surface(chain: Chain, body: Body) -> BodySurface:
     return BodySurface(
         link=body.name,
         frame=link.name,
-        vertices=_base64(vertices.astype("<f4")),
-        faces=_base64(body.surface.faces.astype("<u4")),
+        vertices=packed(vertices.astype("<f4")),
+        faces=packed(body.surface.faces.astype("<u4")),
         simplified=body.simplified,
     )
 
@@ -124,7 +123,3 @@ def _frame_link(chain: Chain, body: Body) -> Link:
     if own.joint == body.joint:
         return own
     return next(link for link in chain.links if link.joint == body.joint)
-
-
-def _base64(values: Array | Indices) -> str:
-    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()
