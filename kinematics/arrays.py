@@ -141,7 +141,9 @@ def frozen(values: ArrayLike) -> Array:
     Raises:
         InvalidNumbers: The values are no numbers, or rows of different lengths.
     """
-    if _is_frozen(values):
+    # A view may be of what can still be written to.
+    is_own = type(values) is np.ndarray and values.dtype == np.float64 and values.base is None
+    if is_own and values.flags.c_contiguous and not values.flags.writeable:  # type: ignore[union-attr]
         return values  # type: ignore[return-value]
     try:
         array = np.array(values, dtype=np.float64, order="C")
@@ -149,12 +151,6 @@ def frozen(values: ArrayLike) -> Array:
         array = as_numbers(values, "what is given")  # which tells what is wrong
     array.setflags(write=False)
     return array
-
-
-def _is_frozen(values: ArrayLike) -> bool:
-    if type(values) is not np.ndarray or values.dtype != np.float64 or values.base is not None:
-        return False  # a view may be of what can still be written to
-    return values.flags.c_contiguous and not values.flags.writeable
 
 
 def as_numbers(values: ArrayLike, name: str) -> Array:

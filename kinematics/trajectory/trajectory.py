@@ -81,10 +81,14 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         names = tuple(self.joint_names)
-        breaks, coefficients = (
-            _array(self.breaks, "breaks"),
-            _array(self.coefficients, "coefficients"),
-        )
+        name = "breaks"
+        try:
+            breaks, name = frozen(self.breaks), "coefficients"
+            coefficients = frozen(self.coefficients)
+        except InvalidNumbers as error:
+            raise InvalidTrajectory(
+                f"the {name} are not an array of numbers", hint=error.hint
+            ) from None
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "breaks", breaks)
         object.__setattr__(self, "coefficients", coefficients)
@@ -310,15 +314,6 @@ def stay(joint_names: Sequence[str], position: ArrayLike, duration: float = REST
     """
     coefficients = np.asarray(position, dtype=np.float64)[None, ..., None]
     return Trajectory(tuple(joint_names), np.array([0.0, duration]), coefficients)
-
-
-def _array(values: ArrayLike, name: str) -> Array:
-    try:
-        return frozen(values)
-    except InvalidNumbers as error:
-        raise InvalidTrajectory(
-            f"the {name} are not an array of numbers", hint=error.hint
-        ) from None
 
 
 def _is_sound(names: tuple[str, ...], breaks: Array, c: Array) -> bool:

@@ -40,7 +40,7 @@ from planning.preflight.goals import pose_goals
 from planning.preflight.limits import moved_note, rates_onto_limits
 from planning.preflight.preflight import preflight, start_only
 from planning.preflight_result import Ready
-from planning.problem import Problem
+from planning.problem import PoseGoal, Problem
 from planning.proof.certificate import Certificate, certify
 from planning.proof.violation import Violation
 from planning.result import Failure, Path, Plan, Stages
@@ -202,7 +202,8 @@ class _Pipeline:
         if isinstance(ready, Failure):
             return ready
         answer = self._plan_from(ready, self.options)
-        if isinstance(answer, Failure):
+        poses = [goal for goal in self.problem.goals if isinstance(goal, PoseGoal)]
+        if isinstance(answer, Failure) or not poses:
             return answer
         ended = self._end_off_limits(ready, answer)
         last = ended.path.waypoints[-1]
