@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
@@ -45,47 +45,39 @@ class PathLimits(NamedTuple):
     effort: EffortLimits | None = None
 
 
-class TimingMethod(Protocol):
+class TimingMethod:
     """A method by which paths become motions.
 
-    ``smooth`` says whether corners have to be rounded by curves of continuous curvature,
-    ``follows_path`` whether the motion keeps exactly to the path that it is given.
+    Attributes:
+        name: The method's name in options.
+        jerk: Use that it makes of jerk limits.
+        smooth: Whether corners have to be rounded by curves of continuous curvature.
+        follows_path: Whether the motion keeps exactly to the path that it is given.
+        solver: Solver of the speeds, where there is a choice.
     """
 
-    @property
-    def name(self) -> Method:
-        """The method's name in options."""
-
-    @property
-    def jerk(self) -> JerkUse:
-        """The use that it makes of jerk limits."""
-
-    @property
-    def smooth(self) -> bool:
-        """Whether corners need curves of continuous curvature."""
-
-    @property
-    def follows_path(self) -> bool:
-        """Whether the motion keeps exactly to the path."""
+    name: ClassVar[Method]
+    jerk: JerkUse
+    smooth: ClassVar[bool] = False
+    follows_path: ClassVar[bool] = True
+    solver: Solver | None = None
 
     @property
     def even_corners(self) -> bool:
         """Whether rounded corners are passed at constant speed, in few pieces."""
+        return False
 
     @property
     def near_path(self) -> bool:
         """Whether a spline near the path is tried where it is proved free."""
-
-    @property
-    def solver(self) -> Solver | None:
-        """Solver of the speeds, where there is a choice."""
+        return False
 
     def time(
         self,
-        path: JointPath,
-        joint_names: Sequence[str],
-        limits: PathLimits,
-        end_speeds: tuple[float, float],
+        path: JointPath,  # noqa: ARG002  for those that do
+        joint_names: Sequence[str],  # noqa: ARG002
+        limits: PathLimits,  # noqa: ARG002
+        end_speeds: tuple[float, float],  # noqa: ARG002
     ) -> ScaledTime:
         """The path run through as fast as the limits allow.
 
@@ -99,13 +91,18 @@ class TimingMethod(Protocol):
             InvalidOption: A limit is malformed, or the method does not follow paths.
             TimingFailed: There is no such motion, or none was found.
         """
+        raise InvalidOption(
+            f"the timing method {self.name} does not follow paths",
+            hint="Choose toppra or jerk_limited.",
+        )
 
-    def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:
+    def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:  # noqa: ARG002
         """Notes for whoever asked, about the motions that this method made."""
+        return ()
 
 
 @dataclass(frozen=True, slots=True)
-class TimeOptimal:
+class TimeOptimal(TimingMethod):
     """The least time within limits of velocity and acceleration (TOPP-RA).
 
     Args:
@@ -113,13 +110,9 @@ class TimeOptimal:
     """
 
     solver: Solver = "reachability"
-
-    name: Method = "toppra"
     jerk: JerkUse = JerkUse.UNUSED
-    smooth: bool = False
-    follows_path: bool = True
-    even_corners: bool = False
-    near_path: bool = False
+
+    name: ClassVar[Method] = "toppra"
 
     def time(
         self,
@@ -154,7 +147,7 @@ class TimeOptimal:
 
 
 @dataclass(frozen=True, slots=True)
-class JerkLimited:
+class JerkLimited(TimingMethod):
     """Limits of velocity, acceleration and jerk.
 
     Args:
@@ -166,9 +159,8 @@ class JerkLimited:
     solver: Solver = "interior_point"
     jerk: JerkUse = JerkUse.REQUIRED
 
-    name: Method = "jerk_limited"
-    smooth: bool = True
-    follows_path: bool = True
+    name: ClassVar[Method] = "jerk_limited"
+    smooth: ClassVar[bool] = True
 
     @property
     def even_corners(self) -> bool:
@@ -215,43 +207,15 @@ class JerkLimited:
             )
         return slowed
 
-    def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:  # noqa: ARG002  one protocol
-        """None."""
-        return ()
-
 
 @dataclass(frozen=True, slots=True)
-class SplineInTime:
+class SplineInTime(TimingMethod):
     """A cubic spline of time through waypoints; between them it leaves the path."""
 
-    name: Method = "spline"
     jerk: JerkUse = JerkUse.WHERE_KNOWN
-    smooth: bool = False
-    follows_path: bool = False
-    even_corners: bool = False
-    near_path: bool = False
-    solver: Solver | None = None
 
-    def time(
-        self,
-        path: JointPath,  # noqa: ARG002  one protocol
-        joint_names: Sequence[str],  # noqa: ARG002
-        limits: PathLimits,  # noqa: ARG002
-        end_speeds: tuple[float, float],  # noqa: ARG002
-    ) -> ScaledTime:
-        """Refuse: a spline of time keeps to waypoints only.
-
-        Raises:
-            InvalidOption: Always.
-        """
-        raise InvalidOption(
-            "the timing method spline does not follow paths",
-            hint="Choose toppra or jerk_limited.",
-        )
-
-    def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:  # noqa: ARG002  one protocol
-        """None."""
-        return ()
+    name: ClassVar[Method] = "spline"
+    follows_path: ClassVar[bool] = False
 
 
 def timing_method(name: Method | None, solver: Solver | None = None) -> TimingMethod:
