@@ -140,34 +140,30 @@ class PdGravity(ControllerBody):
     Kd: GainMatrix | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
 
 
-class Passivity(ControllerBody):
+class _SlidingGains(ControllerBody):
+    """Gains of controllers whose error slides along r = dq̃/dt + Λ q̃."""
+
+    Lambda: Gain | None = Field(
+        None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
+    )
+    K: GainMatrix | None = Field(
+        None,
+        description="one number, one a joint, or a matrix; the proof needs one that couples joints "
+        "of equal Λ only, and a note says where it does not hold",
+        validation_alias=AliasChoices("K", "k"),
+    )
+
+
+class Passivity(_SlidingGains):
     """u = M a + C v + B q̇ + G + K r with r = dq̃/dt + Λ q̃."""
 
     type: Literal["passivity"] = "passivity"
-    Lambda: Gain | None = Field(
-        None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
-    )
-    K: GainMatrix | None = Field(
-        None,
-        description="one number, one a joint, or a matrix; the proof needs one that couples joints "
-        "of equal Λ only, and a note says where it does not hold",
-        validation_alias=AliasChoices("K", "k"),
-    )
 
 
-class Adaptive(ControllerBody):
+class Adaptive(_SlidingGains):
     """Slotine and Li: u = Y Θ̂ + K r with dΘ̂/dt = Γ Yᵀ r on the base parameters."""
 
     type: Literal["adaptive"] = "adaptive"
-    Lambda: Gain | None = Field(
-        None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
-    )
-    K: GainMatrix | None = Field(
-        None,
-        description="one number, one a joint, or a matrix; the proof needs one that couples joints "
-        "of equal Λ only, and a note says where it does not hold",
-        validation_alias=AliasChoices("K", "k"),
-    )
     Gamma: GainMatrix = Field(
         1.0,
         description="Γ, one number, one a base parameter, or a matrix",
