@@ -22,10 +22,9 @@ from service.storage.database import StorageUnavailable
 from service.storage.store import Store
 from service.storage.stores.idempotency_store import KeptAnswer
 from service.storage.stores.job_store import JobRecord, StoredRequest
-from service.storage.stores.queue_store import AGENTS, Chunk, batch_of
+from service.storage.stores.queue_store import AGENTS, Chunk, Load, batch_of
 from service.task_references import cut, plan
 from service.workers.chunk_sizes import Pace
-from service.workers.faults import ShuttingDown
 from service.workers.process import Background
 from service.workers.supervisor import WorkerSupervisor
 
@@ -91,17 +90,9 @@ class AgentJobs(Jobs):
 
     # ---------------------------------------------------------------------------- accepting
 
-    async def check_room(self, size: int, caller: Caller = ANYONE) -> None:
-        """See whether a request of a size [byte] of a caller would be accepted.
-
-        Raises:
-            JobsFull: As many jobs as are allowed wait or run, on all machines together.
-            ShuttingDown: The service is about to end.
-        """
-        if self._stopping:
-            raise ShuttingDown
-        load = await run_in_threadpool(self._queue.load, caller.api_key)
-        self._check_load(load, size, caller)
+    async def _load(self, caller: Caller) -> Load:
+        """Jobs that wait or run on all machines together, and those of a caller among them."""
+        return await run_in_threadpool(self._queue.load, caller.api_key)
 
     async def accept(
         self,

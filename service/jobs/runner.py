@@ -90,22 +90,18 @@ class Jobs(JobExecution):
         """
         if self._stopping:
             raise ShuttingDown
-        own = sum(live.record.api_key == caller.api_key for live in self._live.values())
-        waiting = sum(live.size for live in self._live.values())
-        self._check_load(Load(len(self._live), own, waiting), size, caller)
-
-    def _check_load(self, load: Load, size: int, caller: Caller) -> None:
-        """See whether one more request of a size [byte] is not too much.
-
-        Raises:
-            JobsFull: It is.
-        """
+        load = await self._load(caller)
         if caller.job_limit is not None and load.of_key >= caller.job_limit:
             raise JobsFull(load.of_key, self._settings.workers)
         if load.count >= self._settings.job_limit or (
             load.size + size > self._settings.job_storage and load.count
         ):
             raise JobsFull(load.count, self._settings.workers)
+
+    async def _load(self, caller: Caller) -> Load:
+        """Jobs that wait or run, and those of a caller among them."""
+        own = sum(live.record.api_key == caller.api_key for live in self._live.values())
+        return Load(len(self._live), own, sum(live.size for live in self._live.values()))
 
     async def accept(
         self,
