@@ -10,7 +10,7 @@ from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
 from service.access.authentication import Authenticator
-from service.endpoints import routes
+from service.endpoints import routes, scenes, tools
 from service.endpoints.batch import route as batch
 from service.endpoints.dynamics import route as dynamics
 from service.endpoints.health import route as health
@@ -20,9 +20,7 @@ from service.endpoints.pages import route as pages
 from service.endpoints.plan import route as plan
 from service.endpoints.plans import route as plans
 from service.endpoints.robots import route as robots
-from service.endpoints.scenes import route as scenes
 from service.endpoints.tasks import route as sequence
-from service.endpoints.tools import route as tools
 from service.housekeeping import keep_house, watch_storage
 from service.http import errors, openapi
 from service.http.audit import AuditAccount
