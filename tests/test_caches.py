@@ -16,7 +16,7 @@ BY_NUMBER = {
     "dynamics/model/body.py": "a row of numbers for each link of a chain",
     "dynamics/parameters/base_parameters.py": "matrices of a chain",
     "obstacles/distance/bvh.py": "a number",
-    "planning/search/tree_pairs.py": "a number",
+    "planning/search/rrt_connect.py": "a number",
     "planning/timing/choice.py": "limits of a chain's joints",
     "service/http/state.py": "a path",
     "client/armwright_client/call.py": "a path",

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.errors import InvalidOption
-from kinematics.model.chain import Chain, JointType, Limits, Link
-from kinematics.model.mimic_joint import parents
+from kinematics.model.chain import Chain, JointType, Limits, Link, parents
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotDescription
-from kinematics.model.chain import MAX_JOINTS, Chain, JointType, Link
-from kinematics.model.mimic_joint import MimicJoint
+from kinematics.model.chain import MAX_JOINTS, Chain, JointType, Link, MimicJoint
 from kinematics.pose import align_z, from_axis_angle, inverse, transform
 from kinematics.tree.chain_ends import choose_ends, joints_above, joints_between, leaves
 from kinematics.tree.description import JointDescription, RobotDescription

@@ -25,8 +25,7 @@ from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from planning.planner import Query
 from planning.result import Attempt, Progress
-from planning.sampling.parameter import Value
-from planning.sampling.planners import Planner, complete_options, planner_by_name
+from planning.sampling.planners import Planner, Value, complete_options, planner_by_name
 from planning.sampling.space import CertifiedEdges, problem, solution
 from planning.values.deadline import Deadline
 from planning.values.search_trees import Explored

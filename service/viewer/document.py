@@ -9,8 +9,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from kinematics.model.chain import Chain, JointType
-from kinematics.model.mimic_joint import MimicJoint
+from kinematics.model.chain import Chain, JointType, MimicJoint
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.visual_geometry import VisualGeometry

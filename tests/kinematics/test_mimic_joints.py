@@ -11,8 +11,7 @@ from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotDescri
 from kinematics.forward import forward, link_poses
 from kinematics.ik.inverse import inverse_kinematics
 from kinematics.jacobian import geometric, geometric_rate, pose_and_jacobian
-from kinematics.model.chain import Chain
-from kinematics.model.mimic_joint import parents
+from kinematics.model.chain import Chain, parents
 from kinematics.tree.serial_chain import select, serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from tests.mimic_joints import ARM, MIMIC_JOINTS, configurations, mimic_positions, urdf

@@ -30,7 +30,7 @@ from planning.timing.jerk.grid import (
     time_kernel,
 )
 from planning.timing.jerk.interior_point import least_time_kernel
-from planning.timing.jerk.ruckig import line_phases
+from planning.timing.jerk.state_to_state import line_phases
 from planning.timing.path.path import SAME_DIRECTION, JointPath, composed_pieces
 from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, fitting_factor
 

@@ -32,14 +32,13 @@ from kinematics.trajectory.polynomial import sample_kernel
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.even_corners import Pieces
 from planning.timing.jerk.interior_point import solve_wide_band_kernel
-from planning.timing.limit_ratios import largest_lane
 from planning.timing.spline.span_loads import (
     SpanLoads,
     no_loads,
     span_memory,
     widen_for_loads_kernel,
 )
-from planning.timing.time_scaling import ScaledTime, fit_kernel, scaled_motion
+from planning.timing.time_scaling import ScaledTime, fit_kernel, largest_lane, scaled_motion
 
 # Control points at either end that rest there: position, velocity and acceleration.
 _FIXED = 3

@@ -13,8 +13,13 @@ from armwright_wire.robots.kinematics import GradientOptions as RequestedGradien
 from kinematics.errors import InvalidOption
 from kinematics.ik.closed_form.structure import structure
 from kinematics.ik.gradient import GradientOptions, Trace, follow
-from kinematics.ik.inverse import IkOptions, Method, has_closed_form, inverse_kinematics
-from kinematics.ik.inverse_batch import inverse_kinematics_batch
+from kinematics.ik.inverse import (
+    IkOptions,
+    Method,
+    has_closed_form,
+    inverse_kinematics,
+    inverse_kinematics_batch,
+)
 from kinematics.ik.numeric.numeric import AXES
 from kinematics.ik.solution import IkResult
 from kinematics.model.chain import Chain

@@ -6,8 +6,7 @@ import pytest
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
-from kinematics.ik.inverse import IkOptions, inverse_kinematics
-from kinematics.ik.inverse_batch import inverse_kinematics_batch
+from kinematics.ik.inverse import IkOptions, inverse_kinematics, inverse_kinematics_batch
 from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain

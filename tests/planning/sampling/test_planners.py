@@ -11,10 +11,10 @@ import pytest
 from ompl import base, geometric
 
 from kinematics.errors import InvalidOption
-from planning.sampling.parameter import Parameter
 from planning.sampling.planners import (
     DEFAULT_RANGE,
     PLANNERS,
+    Parameter,
     complete_options,
     describe_options,
     planner_by_name,

@@ -10,8 +10,7 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.search import rrt_connect
-from planning.search.rrt_connect import find_narrow_passage
-from planning.search.tree_pairs import PairOptions, TreePairs
+from planning.search.rrt_connect import PairOptions, TreePairs, find_narrow_passage
 from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 

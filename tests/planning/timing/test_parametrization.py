@@ -11,13 +11,12 @@ from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory, stay
-from planning.timing.limit_ratios import worst_kernel
 from planning.timing.method import timing_method
 from planning.timing.options import Method
 from planning.timing.parametrization import TimeParametrization, merge_repeated
 from planning.timing.path.blend import blend, largest_reaches
 from planning.timing.spline.spline import Ends
-from planning.timing.time_scaling import dilate, fit, peak_ratios
+from planning.timing.time_scaling import dilate, fit, peak_ratios, worst_kernel
 
 JOINTS = ("a", "b")
 V, A, JERKS = np.array([1.0, 2.0]), np.array([4.0, 3.0]), np.array([40.0, 50.0])

@@ -22,7 +22,7 @@ from planning.timing.jerk.even_corners import (
     time_even_corners,
 )
 from planning.timing.jerk.jerk_limited import time_path_with_jerk
-from planning.timing.jerk.ruckig import line_phases
+from planning.timing.jerk.state_to_state import line_phases
 from planning.timing.path.blend import blend, largest_reaches, merge
 from tests.planning.timing.timed_paths import PANDA_ACCELERATION, PANDA_VELOCITY, names
 

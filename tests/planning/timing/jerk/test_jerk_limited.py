@@ -24,7 +24,7 @@ from planning.timing.jerk.grid import (
 )
 from planning.timing.jerk.interior_point import least_time_kernel
 from planning.timing.jerk.jerk_limited import TOLERANCE, _start, time_path_with_jerk
-from planning.timing.jerk.ruckig import line_phases
+from planning.timing.jerk.state_to_state import line_phases
 from planning.timing.path.blend import blend, largest_reaches, reach_for_deviation
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import effort_rows
