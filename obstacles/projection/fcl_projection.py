@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from obstacles.convex.piece import Piece, PieceArrays, PieceKind
 from obstacles.distance.fcl_solid import UNITS, FclSolid, fcl_cube, fcl_point, fcl_solid, separation
-from obstacles.projection.projection import Projector, checked_points
-from obstacles.projection.projection_arrays import convex_parts
+from obstacles.projection.projection import Projector, checked_points, convex_parts
 from obstacles.scenes.scene import Obstacle, Scene
 
 #: Side of the cube that stands for a half-space [m]: of any size, as its top centre is the nearest.

@@ -5,16 +5,23 @@ p - pi(p) is orthogonal to O's boundary there. Inside, pi(p) is taken to be the 
 boundary, and the distance is negative. Everything is computed in closed form: to 1e-9 m on
 primitives and hulls alike. On a mesh that is not convex pi(p) is a nearest point of its triangles
 (there may be several), and inside is what they enclose.
+
+Obstacles packed for projections: their convex cores, and the triangles of meshes.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import kernel
+from compiled.simd import on_stack
 from compiled.vec3 import Vector
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
+from kinematics.caches.bounded_cache import array_bytes, bounded_cache
 from kinematics.errors import InvalidScene
 from obstacles.convex.closest_point import (
     Nearest,
@@ -23,17 +30,328 @@ from obstacles.convex.closest_point import (
     nearest_on_cylinder,
     nearest_on_hull,
 )
+from obstacles.convex.hull import Hull, convex_hull, principal_axes
+from obstacles.convex.piece import Piece, PieceArrays, PieceKind, core_of
 from obstacles.meshes.winding import winding_numbers
-from obstacles.projection.projection_arrays import (
-    BOX,
-    CONE,
-    CYLINDER,
-    HALFSPACE,
-    INSIDE,
-    ProjectionArrays,
-    pack_obstacles,
+from obstacles.scenes.scene import (
+    AS_BALLS,
+    AS_PRIMITIVES,
+    Obstacle,
+    Scene,
+    primitives_of,
+    way_of_packing,
 )
-from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.primitives import Primitive, Primitives, write_core
+from obstacles.shapes.shape import Mesh
+
+HULL = int(PieceKind.POLYTOPE)
+CYLINDER = int(PieceKind.CYLINDER)
+CONE = int(PieceKind.CONE)
+HALFSPACE = int(PieceKind.HALFSPACE)
+#: Boxes about their frame have a shorter way than other hulls.
+BOX = 4
+#: Kinds of primitives here, in the order of theirs.
+_PRIMITIVE_KINDS = np.array([BOX, HULL, CYLINDER, CONE, HALFSPACE], dtype=np.int64)
+_PRIMITIVE_KINDS.setflags(write=False)
+_BOX, _BALL = int(Primitive.BOX), int(Primitive.BALL)
+_HALFSPACE = int(Primitive.HALFSPACE)
+#: Winding number beyond which a point is inside.
+INSIDE = 0.5
+
+
+class ProjectionArrays(NamedTuple):
+    """Pieces packed for ``project_kernel``: p of them, of o obstacles.
+
+    Args:
+        kinds: Kinds of each piece, shape (p,).
+        poses: T_world_piece, shape (p, 4, 4).
+        sizes: Radius, half height, rounding (of a box: half sizes, 0); shape (p, 4).
+        balls: Centre and radius of a ball about the piece in the world, shape (p, 4).
+        across: A direction across a core without inside, in the piece's frame, shape (p, 3).
+        solid: Whether a hull has an inside, shape (p,).
+        corners: Corners of all hulls, shape (c, 3).
+        corner_starts: Shape (p + 1,).
+        triangles: Triangles of all hulls, shape (f, 3).
+        planes: Planes of all hulls, shape (f, 4).
+        triangle_starts: Shape (p + 1,).
+        owners: Index of the obstacle of each piece, in ascending order, shape (p,).
+        enclosing: First of the pieces whose triangles together enclose an obstacle's inside, and
+            one behind the last; equal where there are none; shape (o, 2).
+        around: Centre and radius of a ball about these in the world, shape (o, 4).
+    """
+
+    kinds: NDArray[np.int64]
+    poses: Array
+    sizes: Array
+    balls: Array
+    across: Array
+    solid: NDArray[np.bool_]
+    corners: Array
+    corner_starts: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    planes: Array
+    triangle_starts: NDArray[np.int64]
+    owners: NDArray[np.int64]
+    enclosing: NDArray[np.int64]
+    around: Array
+
+
+class _Block(NamedTuple):
+    """Pieces of one obstacle: columns as in ``ProjectionArrays``, and how many of them each has."""
+
+    kinds: Indices
+    poses: Array
+    sizes: Array
+    balls: Array
+    across: Array
+    solid: NDArray[np.bool_]
+    corners: Array
+    corner_counts: Indices
+    triangles: Indices
+    planes: Array
+    triangle_counts: Indices
+
+
+def pack_obstacles(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
+    """Pack obstacles, in their order, for ``projection.project_kernel``."""
+    # Those that are packed alike together: a call for each of many small ones costs the most.
+    blocks, counts, filled = [_EMPTY], list[int](), list[int]()
+    for way, run in groupby(obstacles, way_of_packing):
+        if way == AS_PRIMITIVES:
+            blocks.append(_primitive_block(primitives_of(run)))
+            counts += [1] * len(blocks[-1].kinds)
+            filled += [0] * len(blocks[-1].kinds)
+        elif way == AS_BALLS:
+            own = [_cloud(obstacle.balls()) for obstacle in run]
+            counts += [len(block.kinds) for block in own]
+            filled += [0] * len(own)
+            blocks += own
+        else:
+            parts, enclosing = zip(*map(convex_parts, run), strict=True)
+            counts += [len(pieces) for pieces in parts]
+            filled += enclosing
+            blocks.append(_solids([piece for pieces in parts for piece in pieces]))
+    # Most scenes are one block.
+    joined = (
+        blocks[1] if len(blocks) == 2 else _Block(*map(np.concatenate, zip(*blocks, strict=True)))
+    )
+    starts = _starts(_indices(counts))
+    ends = np.empty((len(counts), 2), dtype=np.int64)
+    ends[:, 0], ends[:, 1] = starts[:-1], starts[:-1] + _indices(filled)
+    return ProjectionArrays(
+        kinds=joined.kinds,
+        poses=joined.poses,
+        sizes=joined.sizes,
+        balls=joined.balls,
+        across=joined.across,
+        solid=joined.solid,
+        corners=joined.corners,
+        corner_starts=_starts(joined.corner_counts),
+        triangles=joined.triangles,
+        planes=joined.planes,
+        triangle_starts=_starts(joined.triangle_counts),
+        owners=np.repeat(np.arange(len(counts)), counts),
+        enclosing=ends,
+        around=_all_around(joined.balls, ends),
+    )
+
+
+def _starts(counts: Indices) -> Indices:
+    starts = np.zeros(len(counts) + 1, dtype=np.int64)
+    counts.cumsum(out=starts[1:])
+    return starts
+
+
+def _all_around(balls: Array, ends: Indices) -> Array:
+    """``_around`` of the balls from one number to before another (o, 2), shape (o, 4)."""
+    around = np.zeros((len(ends), 4))
+    for k in np.flatnonzero(ends[:, 0] < ends[:, 1]).tolist():
+        around[k] = _around(balls[ends[k, 0] : ends[k, 1]])
+    return around
+
+
+def _around(balls: Array) -> Array:
+    """A ball about others (k, 4), shape (4,)."""
+    center = balls[:, :3].mean(axis=0)
+    reach = np.linalg.norm(balls[:, :3] - center, axis=1) + balls[:, 3]
+    return np.array([*center, reach.max()])
+
+
+def convex_parts(obstacle: Obstacle) -> tuple[tuple[Piece, ...], int]:
+    """An obstacle's pieces, and how many of them, the first ones, have its enclosing triangles."""
+    pieces = obstacle.pieces()
+    filled = tuple(piece for piece in pieces if piece.surface and piece.surface.count)
+    if filled and isinstance(obstacle.shape, Mesh):
+        rest = (piece for piece in pieces if piece not in filled)
+        pieces = (*filled, *(piece for piece in rest if not _is_enclosed(piece, filled)))
+    return pieces, len(filled)
+
+
+def _is_enclosed(piece: Piece, filled: Sequence[Piece]) -> bool:
+    """Whether a solid is what the triangles of others of the same mesh enclose."""
+    if piece.surface is not None:
+        return False
+    corners = np.vstack([p.surface.triangles.reshape(-1, 3) for p in filled if p.surface])
+    number, faces = np.empty(1), np.arange(len(corners)).reshape(-1, 3)
+    winding_numbers(piece.vertices.mean(axis=0)[None], corners, faces, number)
+    return bool(number[0] > INSIDE)
+
+
+def _primitive_block(primitives: Primitives) -> _Block:
+    kinds = primitives.kinds
+    k, sizes, balls = len(kinds), np.zeros((len(kinds), 4)), np.empty((len(kinds), 4))
+    primitive_balls_kernel(primitives, sizes, balls)
+    # A ball is a rounded point; the rest need no corners.
+    one = (kinds == Primitive.BALL).astype(np.int64)
+    points = int(one.sum())
+    across = np.empty((k, 3))
+    across[:] = _ALONG_X
+    return _Block(
+        kinds=_PRIMITIVE_KINDS[kinds],
+        poses=primitives.poses,
+        sizes=sizes,
+        balls=balls,
+        across=across,
+        solid=np.zeros(k, dtype=np.bool_),
+        corners=np.zeros((points, 3)),
+        corner_counts=one,
+        triangles=np.zeros((points, 3), dtype=np.int64),
+        planes=np.zeros((points, 4)),
+        triangle_counts=one,
+    )
+
+
+@kernel(allocates=False, unlocks=False)
+def primitive_balls_kernel(primitives: Primitives, sizes: Array, balls: Array) -> None:
+    """Write ``sizes``, which hold zeros, and ``balls`` of primitives, as ``ProjectionArrays``."""
+    kinds, poses, box = primitives.kinds, primitives.poses, on_stack(6)
+    for k in range(kinds.shape[0]):
+        measures = primitives.measures[k]
+        height, balls[k, 3] = write_core(kinds[k], measures, box)
+        for row in range(3):
+            balls[k, row] = poses[k, row, 2] * height + poses[k, row, 3]
+        if kinds[k] == _BOX:
+            sizes[k, 0], sizes[k, 1], sizes[k, 3] = box[3], box[4], box[5]
+        elif kinds[k] == _BALL:
+            sizes[k, 2] = measures[0]
+        elif kinds[k] != _HALFSPACE:
+            sizes[k, 0], sizes[k, 1] = measures[0], 0.5 * measures[1]
+
+
+def _cloud(cloud: PieceArrays) -> _Block:
+    p = len(cloud)
+    one = np.ones(p, dtype=np.int64)
+    return _Block(
+        kinds=cloud.kinds,
+        poses=cloud.poses,
+        sizes=np.hstack([cloud.sizes, np.zeros((p, 1))]),
+        balls=np.column_stack([cloud.centers, cloud.radii]),
+        across=np.tile([1.0, 0.0, 0.0], (p, 1)),
+        solid=np.zeros(p, dtype=np.bool_),
+        corners=cloud.vertices,
+        corner_counts=one,
+        triangles=np.zeros((p, 3), dtype=np.int64),
+        planes=np.zeros((p, 4)),
+        triangle_counts=one,
+    )
+
+
+def _solids(pieces: Sequence[Piece]) -> _Block:
+    p, cores = len(pieces), [_core(piece) for piece in pieces]
+    hulls = [core.hull for core in cores]
+    filled = [_NO_HULL, *(hull for hull in hulls if hull is not _NO_HULL)]
+    poses = np.array([piece.T_owner_piece for piece in pieces]).reshape(p, 4, 4)
+    balls = np.array([core.ball for core in cores]).reshape(p, 4)
+    middles = balls[:, :3, None]
+    middles[:] = poses[:, :3, :3] @ middles + poses[:, :3, 3:]
+    return _Block(
+        kinds=_indices([core.kind for core in cores]),
+        poses=poses,
+        sizes=np.array([core.size for core in cores]).reshape(p, 4),
+        balls=balls,
+        across=np.array([core.across for core in cores]).reshape(p, 3),
+        solid=np.array([hull.solid for hull in hulls], dtype=np.bool_),
+        corners=np.vstack([hull.vertices for hull in filled]),
+        corner_counts=_indices([len(hull.vertices) for hull in hulls]),
+        triangles=np.vstack([hull.triangles for hull in filled]),
+        planes=np.vstack([hull.planes for hull in filled]),
+        triangle_counts=_indices([len(hull.triangles) for hull in hulls]),
+    )
+
+
+def _indices(values: ArrayLike) -> Indices:
+    return np.array(values, dtype=np.int64)
+
+
+_NO_HULL = Hull(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 4)), solid=False)
+
+
+class _Core(NamedTuple):
+    """A piece in its own frame: what its columns of ``ProjectionArrays`` are made of."""
+
+    kind: int
+    size: Array
+    ball: Array
+    across: Array
+    hull: Hull
+
+
+def _core(piece: Piece) -> _Core:
+    if piece.surface is None:
+        return _plain(
+            piece.kind,
+            piece.vertices.tobytes(),
+            piece.radius,
+            piece.half_height,
+            piece.offset_radius,
+        )
+    # Its own triangles, and the ball that holds its cover.
+    corners = piece.surface.triangles.reshape(-1, 3)
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    hull = Hull(corners, faces, np.zeros((len(faces), 4)), solid=False)
+    return _cornered(replace(piece, T_owner_piece=np.eye(4)), hull, 0.0)
+
+
+#: Obstacles that only move from request to request keep their cores.
+@bounded_cache(maxsize=4096, weigh=array_bytes)
+def _plain(
+    kind: PieceKind, corners: bytes, radius: float, half_height: float, rounding: float
+) -> _Core:
+    core = core_of(int(kind), corners, radius, half_height)
+    half = core.half if rounding == 0.0 else None
+    if kind == PieceKind.POLYTOPE and half is None:
+        vertices = np.frombuffer(corners).reshape(-1, 3)
+        piece = Piece(kind, np.eye(4), vertices, radius, half_height, rounding)
+        return _cornered(piece, convex_hull(vertices), rounding)
+    ball, size = np.array([*core.center, core.radius + rounding]), np.zeros(4)
+    if half is None:
+        size[:3] = radius, half_height, rounding
+        return _Core(int(kind), size, ball, _ALONG_X, _NO_HULL)
+    size[:] = half[0], half[1], 0.0, half[2]
+    return _Core(BOX, size, ball, _ALONG_X, _NO_HULL)
+
+
+def _cornered(piece: Piece, hull: Hull, rounding: float) -> _Core:
+    size = np.array([piece.radius, piece.half_height, rounding, 0.0])
+    return _Core(HULL, size, _ball(piece), _across(hull), hull)
+
+
+def _ball(piece: Piece) -> Array:
+    center, radius = piece.bounding_sphere()
+    return np.array([*center, radius])
+
+
+_ALONG_X = np.array([1.0, 0.0, 0.0])
+
+
+def _across(hull: Hull) -> Array:
+    if len(hull.vertices) < 2 or hull.solid:
+        return _ALONG_X
+    return np.asarray(principal_axes(hull.vertices)[2])
+
+
+_EMPTY = _solids(())
+
 
 #: Distances from a core below this part of its size leave no direction to round it along.
 _ON_CORE = 1e-14

@@ -7,7 +7,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal
 from planning.constrained.checker import ConstrainedChecker
-from planning.constrained.pose_goals import goal_configurations
+from planning.constrained.ik import goal_configurations
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import TOLERANCE
 from planning.constraints.row import RowKind

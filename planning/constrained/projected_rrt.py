@@ -25,7 +25,7 @@ from kinematics.arrays import Array
 from obstacles.collision.edge_check import FREE, certify_curve
 from obstacles.collision.model.collision_model import ModelArrays
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
-from planning.constrained.pose_goals import pose_constraint
+from planning.constrained.ik import pose_constraint
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import EDGE_CELLS, EdgeVerdict, edge_kernel
 from planning.constraints.solvers.active_set import FEASIBLE, make_feasible

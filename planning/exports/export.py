@@ -19,8 +19,8 @@ from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.exports import formats
+from planning.exports.formats import ExportPoints, export_points
 from planning.exports.options import ExportFormat, ExportOptions, Rule
-from planning.exports.points import ExportPoints, export_points
 from planning.proof.certificate import Certificate, certify
 from planning.proof.premises import Premises
 from planning.values.deadline import Deadline

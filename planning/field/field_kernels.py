@@ -7,8 +7,7 @@ import numpy as np
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from obstacles.projection.projection import project_kernel
-from obstacles.projection.projection_arrays import ProjectionArrays
+from obstacles.projection.projection import ProjectionArrays, project_kernel
 
 #: On a surface nothing points out of it: there the distance itself is differentiated [m].
 ON_SURFACE = 1e-9

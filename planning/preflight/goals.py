@@ -9,7 +9,7 @@ from kinematics.ik.numeric import numeric
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import overlap_meter
-from planning.constrained.pose_goals import goal_configurations
+from planning.constrained.ik import goal_configurations
 from planning.goal_choice.goal_order import is_at_limit, motion_costs
 from planning.preflight.failures import (
     Refusal,

@@ -1,16 +1,18 @@
-"""Reach of an arm in a scene, for many task poses at once."""
+"""Reach of an arm in a scene, for many task poses at once: on a grid, within tolerances."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cache
+from itertools import product
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import direct
-from kinematics.arrays import Array, as_numbers, frozen, typed
+from kinematics.arrays import Array, as_numbers, frozen, numbers, typed
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
@@ -28,8 +30,148 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from planning.reach import assessment
 from planning.reach import turns as kernel
-from planning.reach.tolerance import Tolerance
 from planning.values.deadline import Deadline
+
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+AXES: tuple[Axis, ...] = get_args(Axis)
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """Ranges of deviation in a pose's own frame, sampled on a grid.
+
+    The tool's pose is T_pose Trans(x, y, z) Rx(rx) Ry(ry) Rz(rz).
+
+    Args:
+        ranges: Least and largest deviation by axis [m, rad]; axes left out are exact. A range of a
+            rotation that spans a full turn means a free axis.
+        samples: Values tried on each of these axes.
+
+    Raises:
+        InvalidOption: A range is empty, a rotation spans more than a turn, or there are too many
+            deviations.
+    """
+
+    ranges: Mapping[Axis, tuple[float, float]] = field(default_factory=dict)
+    samples: int = 12
+
+    def __post_init__(self) -> None:
+        for axis, (low, high) in self.ranges.items():
+            if not low <= high:
+                raise InvalidOption(f"tolerance of {axis}: {low:g} is above {high:g}")
+            if axis.startswith("r") and high - low > 2.0 * math.pi + 1e-9:
+                raise InvalidOption(
+                    f"tolerance of {axis} spans {high - low:g} rad, more than a turn",
+                    hint="Name the axis in free where any angle will do.",
+                )
+        count = math.prod(len(self._values(axis)) for axis in AXES)
+        # The most deviations that one pose is tried at.
+        max_samples = 1_000
+        if count > max_samples:
+            raise InvalidOption(
+                f"the tolerance has {count} deviations of each pose, at most {max_samples} "
+                "are tried",
+                hint="Ask for fewer samples, or for fewer axes.",
+            )
+
+    @classmethod
+    def free(cls, *axes: Axis, samples: int = 12) -> "Tolerance":
+        """Rotations about axes by any angle."""
+        return cls(dict.fromkeys(axes, (-math.pi, math.pi)), samples)
+
+    def deviations(self) -> Array:
+        """T_pose_tool of each deviation, the least first, shape (s, 4, 4)."""
+        grid = np.array(list(product(*(self._values(axis) for axis in AXES))))
+        grid = grid[np.argsort(np.abs(grid).sum(axis=1), kind="stable")]
+        T = np.tile(np.eye(4), (len(grid), 1, 1))
+        T[:, :3, 3] = grid[:, :3]
+        for column in range(3):
+            T[:, :3, :3] = T[:, :3, :3] @ _rotations(column, grid[:, 3 + column])
+        return T
+
+    def _values(self, axis: Axis) -> Array:
+        low, high = self.ranges.get(axis, (0.0, 0.0))
+        if low == high:
+            return np.array([low])
+        if axis.startswith("r") and high - low > 2.0 * math.pi - 1e-9:
+            # Both ends are the same angle; the pose's own is among them.
+            return np.asarray(np.arange(self.samples) * 2.0 * np.pi / self.samples)
+        return np.linspace(low, high, max(self.samples, 2))
+
+
+def _rotations(axis: int, angles: Array) -> Array:
+    """Rotations about a coordinate axis (0, 1, 2) by angles, shape (s, 3, 3)."""
+    c, s = np.cos(angles), np.sin(angles)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    R = np.zeros((len(angles), 3, 3))
+    R[:, axis, axis] = 1.0
+    R[:, i, i], R[:, j, j], R[:, j, i], R[:, i, j] = c, c, s, -s
+    return R
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseGrid:
+    """Points of a grid in a box, each with the same orientations.
+
+    Args:
+        size: Lengths of the box's edges, shape (3,) [m]; 0 for a plane or a line.
+        spacing: Largest distance of neighbouring points along an edge [m].
+        T_base_box: Pose of the box's centre, shape (4, 4).
+        rotations: R_base_tool of the orientations, shape (o, 3, 3).
+
+    Raises:
+        InvalidOption: The spacing is not positive, an edge is negative or there are too many poses.
+    """
+
+    size: Array
+    spacing: float
+    T_base_box: Array
+    rotations: Array
+
+    def __post_init__(self) -> None:
+        shapes = {"size": (3,), "T_base_box": (4, 4), "rotations": (-1, 3, 3)}
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, frozen(numbers(getattr(self, name), name, shape)))
+        if not 0.0 < self.spacing < np.inf:
+            raise InvalidOption(f"spacing is {self.spacing:g} m; it must be positive")
+        if min(self.size) < 0.0:
+            raise InvalidOption(f"size is {list(self.size)} m; no edge may be negative")
+        count = int(np.prod([float(k) for k in self.shape]))
+        # The most poses of one grid.
+        max_poses = 1_000_000
+        if count > max_poses:
+            raise InvalidOption(
+                f"the grid has {count} poses, at most {max_poses} are looked at",
+                hint="Take a wider spacing or fewer orientations.",
+            )
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """Numbers of points along x, y and z and of orientations."""
+        x, y, z = (int(min(np.ceil(edge / self.spacing - 1e-9), 1e9)) + 1 for edge in self.size)
+        return x, y, z, len(self.rotations)
+
+    def axes(self) -> tuple[Array, Array, Array]:
+        """Coordinates of the points along the box's axes, from its centre [m]."""
+        x, y, z = (
+            np.linspace(-0.5 * edge, 0.5 * edge, count) if count > 1 else np.zeros(1)
+            for edge, count in zip(self.size, self.shape[:3], strict=True)
+        )
+        return x, y, z
+
+    def points(self) -> Array:
+        """The points in the base frame, shape (x y z, 3), z changes fastest [m]."""
+        p_box = np.stack(np.meshgrid(*self.axes(), indexing="ij"), axis=-1).reshape(-1, 3)
+        return np.asarray(p_box @ self.T_base_box[:3, :3].T + self.T_base_box[:3, 3])
+
+    def poses(self) -> Array:
+        """T_base_tool, orientations change fastest, shape (x y z o, 4, 4)."""
+        points, o = self.points(), len(self.rotations)
+        T = np.tile(np.eye(4), (len(points) * o, 1, 1))
+        T[:, :3, 3] = np.repeat(points, o, axis=0)
+        T[:, :3, :3] = np.tile(self.rotations, (len(points), 1, 1))
+        return T
+
 
 Choice = Literal["manipulability", "clearance", "limits", "first"]
 CHOICES: tuple[Choice, ...] = get_args(Choice)

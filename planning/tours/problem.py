@@ -14,7 +14,7 @@ from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
 from planning.options import Options
 from planning.problem import Goal, JointGoal
-from planning.reach.tolerance import Tolerance
+from planning.reach.evaluation import Tolerance
 from planning.tours.local_search import Precedence
 from planning.values.preferred_clearance import PreferredClearance
 

@@ -32,7 +32,7 @@ from planning.values.limits import EffortLimits
 from tests.dynamics.samples import pinocchio_model, random_chain
 from tests.tracking.samples import constant, slider, smooth
 from tracking.controllers.adaptive import Adaptive
-from tracking.controllers.computed_torque import ComputedTorque
+from tracking.controllers.model_based import ComputedTorque
 from tracking.simulation.simulation import SimulationOptions, simulate
 
 URDF = """<robot name="wheel"><link name="base"/><link name="rim"><inertial><mass value="1"/>

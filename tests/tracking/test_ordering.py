@@ -14,11 +14,9 @@ from kinematics.trajectory.trajectory import Trajectory
 from tests.tracking.controllers.test_adaptive import wave
 from tests.tracking.samples import constant, smooth
 from tracking.controllers.adaptive import Adaptive
-from tracking.controllers.computed_torque import ComputedTorque
 from tracking.controllers.controller import Controller
 from tracking.controllers.independent_joint import IndependentJoint, effective_inertia
-from tracking.controllers.passivity import Passivity
-from tracking.controllers.pd_gravity import PdGravity
+from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
 from tracking.simulation.result import SimulationResult
 from tracking.simulation.simulation import SimulationOptions, simulate
 

@@ -3,8 +3,7 @@
 import numpy as np
 
 from kinematics.arrays import Array
-from planning.reach.evaluation import Reach, Status
-from planning.reach.grid import PoseGrid
+from planning.reach.evaluation import PoseGrid, Reach, Status
 
 #: Longest edge of a slice [px].
 _SIDE = 260.0

@@ -13,12 +13,10 @@ from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from tracking.controllers.adaptive import Adaptive
-from tracking.controllers.computed_torque import ComputedTorque
 from tracking.controllers.controller import Controller
 from tracking.controllers.gain import adaptation_gain, gain_vector, placed_gains
 from tracking.controllers.independent_joint import IndependentJoint, effective_inertia
-from tracking.controllers.passivity import Passivity
-from tracking.controllers.pd_gravity import PdGravity
+from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
 
 
 def controller(body: schema.Controller, model: Chain, trajectory: Trajectory) -> Controller:

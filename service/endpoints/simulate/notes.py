@@ -10,8 +10,7 @@ from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.controller import Controller
 from tracking.controllers.gain import commute
 from tracking.controllers.independent_joint import IndependentJoint
-from tracking.controllers.passivity import Passivity
-from tracking.controllers.pd_gravity import PdGravity
+from tracking.controllers.model_based import Passivity, PdGravity
 from tracking.simulation.result import SimulationResult
 from tracking.tube.tube import limit_uses
 

@@ -18,7 +18,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.options import CartesianOptions, Options
 from planning.problem import Goal, JointGoal, PoseGoal
-from planning.reach.tolerance import Axis, Tolerance
+from planning.reach.evaluation import Axis, Tolerance
 from planning.sequence.stage import (
     Attach,
     Detach,

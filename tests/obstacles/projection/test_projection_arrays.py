@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from kinematics.arrays import Array, Indices
-from obstacles.projection.projection_arrays import (
+from obstacles.projection.projection import (
     ProjectionArrays,
     pack_obstacles,
 )

@@ -8,7 +8,7 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
-from planning.constrained.pose_goals import goal_configurations, pose_constraint
+from planning.constrained.ik import goal_configurations, pose_constraint
 from planning.constrained.projected_rrt import GoalRegion
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import JointConstraint, OrientationConstraint

@@ -18,17 +18,18 @@ from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, HalfSpace, Sphere
 from planning.reach.assessment import GAIN
 from planning.reach.evaluation import (
+    Axis,
     Choice,
+    PoseGrid,
     Reach,
     ReachOptions,
     Status,
+    Tolerance,
     moved,
     parameter_values,
     place_base,
     reach,
 )
-from planning.reach.grid import PoseGrid
-from planning.reach.tolerance import Axis, Tolerance
 from planning.values.deadline import Deadline
 from tests.planning.scenes import builtin
 

@@ -16,7 +16,7 @@ from planning.constraints.kinds.limit import ClearanceConstraint, ToolSpeedConst
 from planning.options import Options
 from planning.problem import JointGoal, PoseGoal
 from planning.proof.certificate import certify
-from planning.reach.tolerance import Tolerance
+from planning.reach.evaluation import Tolerance
 from planning.result import Failure
 from planning.timing.choice import chosen_parametrization
 from planning.tours.legs import least_times

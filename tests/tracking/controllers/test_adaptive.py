@@ -17,7 +17,7 @@ from tests.dynamics.samples import cart_pendulum, planar_rr, random_chain
 from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.control_law import control_kernel, space
 from tracking.controllers.controller import Reference
-from tracking.controllers.passivity import Passivity
+from tracking.controllers.model_based import Passivity
 from tracking.simulation.references import sine
 from tracking.simulation.simulation import SimulationOptions, simulate
 

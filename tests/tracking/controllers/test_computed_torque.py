@@ -9,9 +9,8 @@ from scipy.integrate import cumulative_simpson
 from kinematics.errors import InvalidOption
 from tests.dynamics.samples import planar_rr, random_chain
 from tests.tracking.samples import constant, linear_response, slider, smooth
-from tracking.controllers.computed_torque import ComputedTorque
 from tracking.controllers.independent_joint import IndependentJoint
-from tracking.controllers.pd_gravity import PdGravity
+from tracking.controllers.model_based import ComputedTorque, PdGravity
 from tracking.simulation.simulation import SimulationOptions, simulate
 
 FINE = SimulationOptions(relative_tolerance=1e-10, absolute_tolerance=1e-12, saturate=False)

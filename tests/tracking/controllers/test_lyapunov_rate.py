@@ -12,12 +12,10 @@ from kinematics.model.chain import Chain
 from tests.dynamics.samples import random_chain
 from tests.tracking.samples import constant, smooth
 from tracking.controllers.adaptive import Adaptive
-from tracking.controllers.computed_torque import ComputedTorque
 from tracking.controllers.control_law import Kind, law, space
 from tracking.controllers.controller import Controller, Flow, Reference
 from tracking.controllers.independent_joint import IndependentJoint
-from tracking.controllers.passivity import Passivity
-from tracking.controllers.pd_gravity import PdGravity
+from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
 from tracking.simulation import callback
 from tracking.simulation.loop import lyapunov_rate_kernel
 from tracking.simulation.result import SimulationResult

@@ -7,7 +7,7 @@ from scipy.integrate import cumulative_simpson
 from tests.dynamics.samples import random_chain
 from tests.tracking.samples import smooth
 from tracking.controllers.gain import commute
-from tracking.controllers.passivity import Passivity
+from tracking.controllers.model_based import Passivity
 from tracking.simulation.simulation import SimulationOptions, simulate
 
 

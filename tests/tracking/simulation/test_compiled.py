@@ -16,12 +16,10 @@ from kinematics.robots import builtin_chain
 from tests.dynamics.samples import planar_rr, random_chain
 from tests.tracking.samples import constant, slider, smooth
 from tracking.controllers.adaptive import Adaptive
-from tracking.controllers.computed_torque import ComputedTorque
 from tracking.controllers.control_law import Kind
 from tracking.controllers.controller import Controller
 from tracking.controllers.independent_joint import IndependentJoint, effective_inertia
-from tracking.controllers.passivity import Passivity
-from tracking.controllers.pd_gravity import PdGravity
+from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
 from tracking.simulation import callback
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
 from tracking.simulation.result import SimulationOutcome

@@ -13,7 +13,7 @@ from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.model.chain import Chain
 from tests.tracking.samples import constant, slider
 from tracking.controllers.controller import Controller, Reference
-from tracking.controllers.pd_gravity import PdGravity
+from tracking.controllers.model_based import PdGravity
 from tracking.simulation.joint_stop import (
     DISSIPATION,
     STIFFNESS,

@@ -15,9 +15,8 @@ from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from tests.dynamics.samples import planar_rr, random_chain
 from tests.tracking.samples import constant, slider, smooth
-from tracking.controllers.computed_torque import ComputedTorque
 from tracking.controllers.controller import AdaptiveController, Reference
-from tracking.controllers.pd_gravity import PdGravity
+from tracking.controllers.model_based import ComputedTorque, PdGravity
 from tracking.simulation.result import SimulationOutcome
 from tracking.simulation.simulation import SimulationOptions, simulate
 

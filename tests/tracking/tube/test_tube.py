@@ -17,7 +17,7 @@ from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Scene
 from tests.tracking.corners import corner_displacement
 from tests.tracking.samples import smooth
-from tracking.controllers.computed_torque import ComputedTorque
+from tracking.controllers.model_based import ComputedTorque
 from tracking.simulation.result import SimulationResult
 from tracking.simulation.simulation import SimulationOptions, simulate
 from tracking.tube.motion_bounds import MotionBounds, bound_step, empty_bounds

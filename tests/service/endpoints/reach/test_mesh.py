@@ -7,8 +7,7 @@ import pytest
 import trimesh
 
 from kinematics.pose import transform
-from planning.reach.evaluation import Reach, Status
-from planning.reach.grid import PoseGrid
+from planning.reach.evaluation import PoseGrid, Reach, Status
 from service.endpoints.reach import task
 
 

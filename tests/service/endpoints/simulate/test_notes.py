@@ -10,8 +10,7 @@ from kinematics.trajectory.trajectory import Trajectory
 from service.endpoints.simulate.notes import simulation_notes
 from tests.dynamics.samples import planar_rr
 from tests.tracking.samples import constant, smooth
-from tracking.controllers.computed_torque import ComputedTorque
-from tracking.controllers.pd_gravity import PdGravity
+from tracking.controllers.model_based import ComputedTorque, PdGravity
 from tracking.simulation.simulation import SimulationOptions, simulate
 
 FREE = SimulationOptions(saturate=False)

@@ -29,10 +29,8 @@ from service.endpoints.simulate.translation import (
     simulation_answer,
 )
 from tracking.controllers.adaptive import Adaptive
-from tracking.controllers.computed_torque import ComputedTorque
 from tracking.controllers.independent_joint import IndependentJoint
-from tracking.controllers.passivity import Passivity
-from tracking.controllers.pd_gravity import PdGravity
+from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
 from tracking.simulation.result import SimulationOutcome, SimulationResult
 from tracking.tube.motion_bounds import empty_bounds
 
