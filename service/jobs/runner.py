@@ -74,11 +74,6 @@ class Jobs(JobExecution):
         """The number of jobs and chunks that wait for an agent; None where there are no agents."""
         return None
 
-    @property
-    def unfinished_count(self) -> int:
-        """Jobs that wait or run."""
-        return len(self._live)
-
     # ------------------------------------------------------------------------- life of one
 
     async def check_room(self, size: int, caller: Caller = ANYONE) -> None:

@@ -44,10 +44,6 @@ class Job(Generic[R_co]):
         """Size of what the call is about [byte]."""
         return sum([len(value) for value in self.args if isinstance(value, bytes)])
 
-    def with_timeout(self, seconds: float) -> "Job[R_co]":
-        """Job with a deadline that many seconds from now."""
-        return self.with_deadline(Deadline.after(seconds))
-
     def with_deadline(self, deadline: Deadline) -> "Job[R_co]":
         """Job with another deadline."""
         if type(self) is Job:  # without a look at each field: it is done for every request

@@ -150,15 +150,6 @@ def read_robot(reference: Reference) -> PreparedRobot:
     return PreparedRobot(*_read_entry(prepared_file(reference), reference))
 
 
-def read_scene(reference: Reference) -> Scene:
-    """The scene of a reference.
-
-    Raises:
-        NotPrepared: There is no usable file.
-    """
-    return read_scene_and_size(reference)[0]
-
-
 def read_scene_and_size(reference: Reference) -> tuple[Scene, int]:
     """The scene of a reference, and how many bytes its pickle has.
 

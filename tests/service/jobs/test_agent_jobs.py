@@ -82,7 +82,7 @@ def test_two_agents_do_each_job_once(postgresql: PostgreSQL, tmp_path: Path) -> 
         assert one.app.contexts
         assert other.app.contexts
         await no_messages(url)
-        assert server.unfinished_count == 0
+        assert len(server._live) == 0
 
     run(url, tmp_path, scenario)
 

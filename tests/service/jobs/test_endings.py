@@ -66,7 +66,7 @@ def test_events_go_on_until_the_end_with_signs_of_life(tmp_path: Path) -> None:
         kinds = [block.split(b"\n")[1] for block in received if block.startswith(b"id")]
         assert kinds == [b"event: status", b"event: status", b"event: end"]
         assert b": keep-alive\n\n" in received
-        await until(lambda: jobs.unfinished_count == 0)
+        await until(lambda: len(jobs._live) == 0)
         done, _ = await jobs.get(job.id)
         assert await jobs.events(job.id, done.event) is None, "all events were received"
         last = await jobs.events(job.id, done.event - 1)
@@ -127,7 +127,7 @@ def test_old_answers_are_forgotten_at_the_start_and_when_a_job_ends(tmp_path: Pa
         await until(lambda: store.jobs.list(None, "", 10) == [])
         app.open.set()
         accepted = [await jobs.accept(REQUEST) for _ in range(4)]
-        await until(lambda: jobs.unfinished_count == 0)
+        await until(lambda: len(jobs._live) == 0)
         await until(lambda: len(store.jobs.list(None, "", 10)) == 2)
         kept = {job.id for job in store.jobs.list(None, "", 10)}
         assert kept <= {job.id for job in accepted}
@@ -143,7 +143,7 @@ def test_a_request_that_is_answered_at_once_becomes_a_job_that_has_succeeded(
         done = await jobs.keep(REQUEST, answer, "/v1/scenes/a")
         assert (done.status, done.location) == ("succeeded", "/v1/scenes/a")
         assert await jobs.get(done.id) == (done, answer)
-        assert jobs.unfinished_count == 0
+        assert len(jobs._live) == 0
         assert app.contexts == []
 
     run(tmp_path, scenario)

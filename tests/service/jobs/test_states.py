@@ -28,11 +28,11 @@ def test_a_job_is_queued_runs_and_succeeds(tmp_path: Path) -> None:
         running, answer = await jobs.get(accepted.id)
         assert (running.status, running.progress, running.stage) == ("running", 0.5, "search")
         assert answer is None
-        assert jobs.unfinished_count == 1
+        assert len(jobs._live) == 1
         app.location = "/v1/robots/x"
         app.open.set()
         done, answer = await ended(jobs, accepted.id)
-        await until(lambda: jobs.unfinished_count == 0)
+        await until(lambda: len(jobs._live) == 0)
         assert (done.status, done.progress, done.location) == ("succeeded", 1.0, "/v1/robots/x")
         assert answer == JobAnswer("application/json", b'{"done": true}')
         assert store.jobs.get(accepted.id) == (done, answer)
@@ -88,7 +88,7 @@ def test_as_many_jobs_run_as_there_are_workers_in_the_order_they_came(tmp_path: 
         assert {context.id for context in app.contexts} == {job.id for job in accepted[:2]}
         await jobs.cancel(accepted[2].id)
         app.open.set()
-        await until(lambda: jobs.unfinished_count == 0)
+        await until(lambda: len(jobs._live) == 0)
         # The last two begin at the same time.
         assert {context.id for context in app.contexts[2:]} == {accepted[3].id, accepted[4].id}
 
@@ -104,7 +104,7 @@ def test_batches_have_a_queue_of_their_own(tmp_path: Path) -> None:
         # Jobs that begin at the same time come in any order.
         assert {c.id for c in app.contexts} == {batches[0].id, batches[1].id, plan.id}
         app.open.set()
-        await until(lambda: jobs.unfinished_count == 0)
+        await until(lambda: len(jobs._live) == 0)
 
     run(tmp_path, scenario, workers=1)
 

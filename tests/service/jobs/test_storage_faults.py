@@ -51,7 +51,7 @@ def test_the_end_of_a_job_is_told_once_it_is_stored(tmp_path: Path) -> None:
             record, answer = await ended(jobs, job.id)
             assert record.status == "succeeded"
             assert store.jobs.get(job.id) == (record, answer)
-        await until(lambda: jobs.unfinished_count == 0)
+        await until(lambda: len(jobs._live) == 0)
         # Its slot is free again.
         third = await jobs.accept(REQUEST)
         assert (await ended(jobs, third.id))[0].status == "succeeded"

@@ -34,10 +34,14 @@ def stored(folder: Path, name: str = "random") -> Reference:
     return Reference("scene", name, prepared_files.document_hash(name.encode()), str(folder))
 
 
+def read_scene(reference: Reference) -> Scene:
+    return disk_cache.read_scene_and_size(reference)[0]
+
+
 def test_a_scene_comes_back_equal_in_every_bit(tmp_path: Path) -> None:
     scene = random_scene()
     disk_cache.write(stored(tmp_path), scene)
-    back = disk_cache.read_scene(stored(tmp_path))
+    back = read_scene(stored(tmp_path))
     assert back.content_hash == scene.content_hash
     assert back.allowed_collisions == scene.allowed_collisions
     for before, after in zip(scene.obstacles, back.obstacles, strict=True):
@@ -60,25 +64,25 @@ def test_a_robot_comes_back_equal(tmp_path: Path) -> None:
 def test_nothing_unusable_is_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     reference = stored(tmp_path)
     with pytest.raises(NotPrepared) as missing:
-        disk_cache.read_scene(reference)
+        read_scene(reference)
     assert missing.value.reference == reference
     disk_cache.write(reference, random_scene(2))
     (file,) = tmp_path.iterdir()
     content = file.read_bytes()
     file.write_bytes(content[: len(content) // 2])
     with pytest.raises(NotPrepared):
-        disk_cache.read_scene(reference)
+        read_scene(reference)
     for bit in range(0, 8 * len(content), 97):
         flipped = bytearray(content)
         flipped[bit // 8] ^= 1 << bit % 8
         file.write_bytes(flipped)
         with pytest.raises(NotPrepared):
-            disk_cache.read_scene(reference)
+            read_scene(reference)
     file.write_bytes(content)
-    assert len(disk_cache.read_scene(reference).obstacles) == 2
+    assert len(read_scene(reference).obstacles) == 2
     monkeypatch.setattr(disk_cache, "_format", lambda: "of another version")
     with pytest.raises(NotPrepared):
-        disk_cache.read_scene(reference)
+        read_scene(reference)
 
 
 def test_forgetting_removes_the_file_and_may_be_repeated(tmp_path: Path) -> None:
@@ -87,7 +91,7 @@ def test_forgetting_removes_the_file_and_may_be_repeated(tmp_path: Path) -> None
     for _ in range(2):
         prepared_files.forget(stored(tmp_path))
     assert len(list(tmp_path.iterdir())) == 1
-    assert disk_cache.read_scene(stored(tmp_path, "other")).ids
+    assert read_scene(stored(tmp_path, "other")).ids
 
 
 COUNT, BYTES = 4, 100

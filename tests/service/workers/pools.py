@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from planning.values.deadline import Deadline
 from service.workers.fork.launch import Recipe
 from service.workers.process import DEFAULT_LIMITS, WorkerLimits
 from service.workers.supervisor import WorkerSupervisor
@@ -17,7 +18,7 @@ MODULE = "tests.service.chores"
 
 def chore(name: str, *args: Any, seconds: float = 20.0, **kwargs: Any) -> Job[Any]:
     job: Job[Any] = Job(f"tests.service.chores:{name}", args, kwargs)
-    return job.with_timeout(seconds)
+    return job.with_deadline(Deadline.after(seconds))
 
 
 @asynccontextmanager

@@ -63,7 +63,7 @@ def test_jobs_are_answered_until_the_channel_closes() -> None:
             kind, seconds, result = receive(channel)
             assert (kind, result) == (Reply.RESULT, 5)
             assert 0.0 < seconds < 5.0
-        send(channel, chores.remaining.job().with_timeout(30.0))
+        send(channel, chores.remaining.job().with_deadline(Deadline.after(30.0)))
         assert receive(channel) == (Reply.STARTED,)
         kind, _, left = receive(channel)
         assert kind == Reply.RESULT

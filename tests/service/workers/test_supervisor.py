@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from planning.values.deadline import Deadline
 from service.http.errors import document, headers_of, status_of
 from service.problem import ProblemError
 from service.storage.caches.cache_key import builtin_reference
@@ -116,7 +117,7 @@ def test_only_registered_functions_are_tasks(name: str) -> None:
         async with supervisor(1) as workers:
             job: Job[Any] = Job(name)
             with pytest.raises(ProblemError) as fault:
-                await workers.submit(job.with_timeout(60.0))
+                await workers.submit(job.with_deadline(Deadline.after(60.0)))
             assert fault.value.code == "CRASH"
 
     asyncio.run(run())
@@ -332,7 +333,7 @@ async def main():
     await workers.start()
     while not workers.ready:
         await asyncio.sleep(0.01)
-    job = workers.submit(chores.burn.job().with_timeout(600.0))
+    job = workers.submit(chores.burn.job().with_deadline(Deadline.after(600.0)))
     task = asyncio.ensure_future(job)
     while not workers.busy:
         await asyncio.sleep(0.01)

@@ -40,14 +40,14 @@ def test_what_jobs_carry_arrives_as_it_was_sent() -> None:
     outcome = PlanOutcome(b"{}", "straight_line", (("preflight", 0.1),))
     for value in (reference, built_in, outcome):
         assert pickle.loads(pickle.dumps(value)) == value
-    job = plan.job(built_in, reference, b"{}").with_timeout(3.0)
+    job = plan.job(built_in, reference, b"{}").with_deadline(Deadline.after(3.0))
     sent = unpack_job(pack_job(job))
     assert (sent.task, sent.args) == (job.task, job.args)
 
 
 def test_a_deadline_is_a_field_of_the_job() -> None:
     before = time.monotonic()
-    job = chores.add.job(1, 2).with_timeout(3.0)
+    job = chores.add.job(1, 2).with_deadline(Deadline.after(3.0))
     assert before + 3.0 <= job.deadline.at <= time.monotonic() + 3.0
     assert job.args == (1, 2)
 
