@@ -235,15 +235,3 @@ def kinetic_energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:
     M = augmented_mass_matrix(chain, state[:, 0])
     T = 0.5 * np.einsum("mi,mij,mj->m", state[:, 1], M, state[:, 1])
     return np.asarray(T.reshape(lead))
-
-
-def total_energy(
-    chain: Chain, q: ArrayLike, qd: ArrayLike, gravity: ArrayLike | None = None
-) -> Array:
-    """Total energy T + U, shape (...) [J]: constant without torques and friction.
-
-    Raises:
-        InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
-        MissingInertia: No link that a joint carries has an inertia.
-    """
-    return kinetic_energy(chain, q, qd) + potential_energy(chain, q, gravity)

@@ -265,15 +265,6 @@ def to_axis_angle(rotation: Matrix) -> tuple[Matrix, float]:
     return np.array([x, y, z]) / sine, 2.0 * math.atan2(sine, w)
 
 
-def multiply_quaternions(first: ArrayLike, second: ArrayLike) -> Matrix:
-    """The quaternion (x, y, z, w) of the product R_1 R_2, with w >= 0.
-
-    Raises:
-        InvalidPose: A norm differs from 1 by more than 1e-3.
-    """
-    return to_quaternion(from_quaternion(first) @ from_quaternion(second))
-
-
 def from_axis_angle(axis: ArrayLike, angle: float) -> Matrix:
     """Rotation by ``angle`` [rad] about ``axis`` (3,), R = I + sin S + (1 - cos) S^2.
 

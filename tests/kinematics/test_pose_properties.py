@@ -14,7 +14,6 @@ from kinematics.pose import (
     from_rpy,
     from_zyz,
     inverse,
-    multiply_quaternions,
     rotation_error,
     to_axis_angle,
     to_quaternion,
@@ -51,14 +50,6 @@ def test_conversions_come_back(R: Array) -> None:
     for flip in (False, True):
         close(from_zyz(to_zyz(R, flip=flip)), R, 3e-12)
         close(from_rpy(to_rpy(R, flip=flip)), R, 3e-12)
-
-
-@given(rotations, rotations)
-def test_quaternions_multiply_as_rotations_do(a: Array, b: Array) -> None:
-    product = multiply_quaternions(to_quaternion(a), to_quaternion(b))
-    assert abs(np.linalg.norm(product) - 1.0) < 1e-12
-    assert product[3] >= 0.0
-    close(from_quaternion(product), a @ b)
 
 
 @given(st.lists(rotations, min_size=1, max_size=4))
