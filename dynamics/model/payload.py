@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption
+from kinematics.errors import InvalidLinkName, InvalidOption
 from kinematics.model.chain import Chain, Inertia, Link
 from kinematics.rounding import asymmetry, moment_rounding, tensor_rounding
 
@@ -56,6 +56,57 @@ def with_inertias(chain: Chain, inertias: Mapping[str, Inertia]) -> Chain:
         chain.link(name)
     links = tuple(replace(k, inertia=inertias.get(k.name, k.inertia)) for k in chain.links)
     return replace(chain, links=links)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IdentifiedBodies:
+    """Bodies and drives of a robot as they were found, in place of those of its description.
+
+    Args:
+        links: Body of all that moves with a joint, by a link that moves with it, in its frame.
+        motor_inertia: J reflected at the joints, shape (n,) [kg m^2 or kg]; as before where None.
+        viscous_friction: B, shape (n,) [N m s/rad or N s/m]; likewise.
+        coulomb_friction: F, shape (n,) [N m or N]; likewise.
+    """
+
+    links: Mapping[str, Inertia]
+    motor_inertia: ArrayLike | None = None
+    viscous_friction: ArrayLike | None = None
+    coulomb_friction: ArrayLike | None = None
+
+    @classmethod
+    def of(cls, chain: Chain, bodies: Sequence[Inertia]) -> "IdentifiedBodies":
+        """Bodies in the frames of the joints, each told in the frame of the first link there."""
+        links = {}
+        for joint, body in enumerate(bodies):
+            link = next(link for link in chain.links if link.joint == joint)
+            R, p = link.T_joint_link[:3, :3], link.T_joint_link[:3, 3]
+            center = R.T @ (body.center_of_mass - p)
+            links[link.name] = Inertia(body.mass, center, R.T @ body.tensor @ R)
+        return cls(links)
+
+
+def with_bodies(chain: Chain, found: IdentifiedBodies) -> Chain:
+    """Robot with other bodies and drives.
+
+    Raises:
+        InvalidLinkName: A link is unknown, stands still, or two move with one joint.
+        InvalidOption: A drive's value is negative or their number is wrong.
+    """
+    moved = [chain.link(name).joint for name in found.links]
+    for name, joint in zip(found.links, moved, strict=True):
+        if not 0 <= joint < chain.n or moved.count(joint) > 1:
+            raise InvalidLinkName(
+                f"link {name!r} stands still, or moves with another link that a body is given for",
+                hint="Give one body for each joint, that of all that moves with it.",
+                link=name,
+            )
+    links = tuple(
+        replace(link, inertia=found.links.get(link.name)) if link.joint in moved else link
+        for link in chain.links
+    )
+    drives = (found.motor_inertia, found.viscous_friction, found.coulomb_friction)
+    return with_motors(replace(chain, links=links), *drives)
 
 
 def with_motors(

@@ -17,8 +17,14 @@ from kinematics.model.chain import Chain, JointType
 
 #: First moments by their axis, as the textbooks call the coordinates of a centre of mass.
 _FIRST_MOMENTS = {"mx": "xc", "my": "yc", "mz": "zc"}
-#: Units of a joint's motor inertia, viscous and dry friction: of a revolute and a prismatic one.
-_JOINT_UNITS = {"J": ("kg m²", "kg"), "B": ("N m s/rad", "N s/m"), "F": ("N m", "N")}
+#: Units of a joint's motor inertia, viscous and dry friction, and of a constant torque that its
+#: sensor adds: of a revolute and a prismatic one.
+_JOINT_UNITS = {
+    "J": ("kg m²", "kg"),
+    "B": ("N m s/rad", "N s/m"),
+    "F": ("N m", "N"),
+    "offset": ("N m", "N"),
+}
 
 #: Of a column that is a combination of others so much of its length is left: rounding errors,
 #: magnified by how alike columns are. Of columns that are not, some hundredths are left.
@@ -126,10 +132,11 @@ def base_parameters(
         MissingInertia: No link that a joint carries has an inertia.
     """
     Theta = standard_parameters(chain, motors=motors)
-    W = _excitation(chain, motors)
+    Y = regressor(chain, *random_motions(chain), motors=motors)
+    W = np.asarray(np.linalg.qr(Y.reshape(-1, Y.shape[-1]), mode="r"))
     names = parameter_names(chain, motors=motors)
-    order = [i for i in _elimination_order(chain.n, names) if not known_zeros or Theta[i] != 0.0]
-    columns, combination = _regroup(W, order)
+    order = [i for i in elimination_order(chain.n, names) if not known_zeros or Theta[i] != 0.0]
+    columns, combination = regroup(W, order)
     text = tuple(
         combination_text(row, names, k) for row, k in zip(combination, columns, strict=True)
     )
@@ -138,27 +145,31 @@ def base_parameters(
     )
 
 
-def _excitation(chain: Chain, motors: bool) -> Array:
-    """The triangle R of a QR decomposition of stacked regressors, with R^T R = W^T W."""
-    p = len(parameter_names(chain, motors=motors))
-    count = _EQUATIONS * p // chain.n
+def random_motions(chain: Chain) -> tuple[Array, Array, Array]:
+    """Positions, velocities and accelerations that excite all that can be, each (m, n)."""
+    count = _EQUATIONS * len(parameter_names(chain)) // chain.n
     # The same motions always: the choice of columns must not change from call to call.
     rng = np.random.default_rng(0)
     reach = np.where(chain.joint_types == JointType.REVOLUTE, np.pi, 1.0)
     q = rng.uniform(-reach, reach, (count, chain.n))
     qd, qdd = rng.uniform(-3.0, 3.0, (2, count, chain.n))
-    Y = regressor(chain, q, qd, qdd, motors=motors)
-    return np.asarray(np.linalg.qr(Y.reshape(-1, p), mode="r"))
+    return q, qd, qdd
 
 
-def _elimination_order(n: int, names: Sequence[str]) -> list[int]:
+def elimination_order(n: int, names: Sequence[str]) -> list[int]:
+    """The order in which columns of a regressor are looked at: what stays comes first."""
     place = {name: i for i, name in enumerate(names)}
     bodies = [place[f"{name}{i}"] for i in range(1, n + 1) for name in _ORDER]
     return [*bodies, *range(10 * n, len(names))]
 
 
-def _regroup(W: Array, order: Sequence[int]) -> tuple[list[int], Array]:
-    """Independent columns of W (p, p), and what of all parameters is counted with each."""
+def regroup(W: Array, order: Sequence[int]) -> tuple[list[int], Array]:
+    """Independent columns of W (r, p), and what of all parameters is counted with each.
+
+    Args:
+        W: Stacked regressors, or the triangle of their QR decomposition.
+        order: Columns in the order in which they are looked at.
+    """
     lengths = np.linalg.norm(W, axis=0)
     cut = _DEPENDENT * lengths.max(initial=0.0)
     Q = np.zeros_like(W)

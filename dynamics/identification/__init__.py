@@ -1,0 +1,1 @@
+"""Parameters of the equations of motion, found from logs of motions and torques."""
