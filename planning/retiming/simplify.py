@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, Indices, typed
+from kinematics.arrays import Array, Indices, numbers, typed
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -14,6 +14,7 @@ from obstacles.scenes.scene import Scene
 from planning.proof.certificate import Certificate, certify
 from planning.timing.path.blend import checked_waypoints
 from planning.timing.path.simplification import fewest_waypoints
+from planning.timing.spline.spline import smooth_motion
 from planning.values.deadline import Deadline
 from planning.values.limits import MotionLimits
 
@@ -38,6 +39,75 @@ class SimplifiedPath:
     deviation: float
     certificate: Certificate | None = None
     notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedMotion:
+    """A motion of cubics that stands for a recorded one.
+
+    Args:
+        trajectory: The motion.
+        deviation: Bound of the distance of any joint from the record at every instant [rad or m].
+        certificate: Proof against the robot's limits and itself; None without a robot.
+    """
+
+    trajectory: Trajectory
+    deviation: float
+    certificate: Certificate | None = None
+
+
+@typed
+def fit_motion(
+    times: ArrayLike,
+    positions: ArrayLike,
+    tolerance: float,
+    robot: RobotGeometry | None = None,
+    *,
+    joint_names: Sequence[str] | None = None,
+    rest: bool = False,
+    deadline: Deadline | None = None,
+) -> FittedMotion:
+    """Fit few cubics with continuous accelerations to a recorded motion.
+
+    Args:
+        times: Instants of the samples, shape (k,) [s].
+        positions: Samples, shape (k, n), k >= 4 [rad or m].
+        tolerance: Largest distance of any joint from the record at every instant [rad or m].
+        robot: The robot, its joints in their order.
+        joint_names: Names of the joints where there is no robot.
+        rest: Whether the motion begins and ends without velocity.
+        deadline: Instant at which the proof is given up.
+
+    Raises:
+        InvalidOption: The tolerance is not positive, or no motion is within it.
+        InvalidTrajectory: Samples are malformed.
+    """
+    if not 0.0 < tolerance < np.inf:
+        raise InvalidOption(f"the tolerance is {tolerance}", hint="Give a positive number.")
+    points = numbers(positions, "positions")
+    if points.ndim != 2:
+        raise InvalidTrajectory(f"positions have the shape {points.shape}, not (k, n)")
+    n = points.shape[1]
+    names = tuple(joint_names or (f"joint{i + 1}" for i in range(n)))
+    if robot is not None:
+        if joint_names is not None and names != robot.chain.joint_names:
+            raise InvalidTrajectory(
+                "the names of the joints are not those of the robot in its order",
+                hint=f"They are: {', '.join(robot.chain.joint_names)}.",
+            )
+        names = robot.chain.joint_names
+    if len(names) != n:
+        raise InvalidTrajectory(f"samples have {n} value(s) for {len(names)} joint(s)")
+    motion, deviation = smooth_motion(names, times, points, tolerance, rest)
+    if deviation > tolerance:
+        raise InvalidOption(
+            f"no motion of cubics was found within {tolerance:.3g} of the samples; the nearest is "
+            f"{deviation:.3g} off",
+            hint="Give a tolerance above the noise of the record, or more samples.",
+        )
+    if robot is None:
+        return FittedMotion(motion, deviation)
+    return FittedMotion(motion, deviation, certify(motion, robot, Scene(), deadline=deadline))
 
 
 @typed

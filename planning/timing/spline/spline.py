@@ -43,6 +43,8 @@ _SPANS = (0.125, 0.25, 0.5, 1.0, 2.0)
 _MOST_LEGS = 1000
 # Places in each span that it is fitted to.
 _PLACES = 6
+# Samples of a motion that cubics are fitted to.
+_FEWEST = 4
 # Powers of a parameter from 0 to 1 in Bernstein polynomials of degree 3, a row for each of these.
 _BERNSTEIN = np.array(
     [[1.0, 0.0, 0.0, 0.0], [1.0, 1 / 3, 0.0, 0.0], [1.0, 2 / 3, 1 / 3, 0.0], [1.0, 1.0, 1.0, 1.0]]
@@ -228,6 +230,48 @@ def smooth_curve(points: Array, tolerance: float, norm: float) -> tuple[JointPat
     return min(curves, key=lambda one: len(one[0].lengths), default=None)
 
 
+def smooth_motion(
+    joint_names: Sequence[str], times: ArrayLike, points: ArrayLike, tolerance: float, rest: bool
+) -> tuple[Trajectory, float]:
+    """The motion of few cubics near a recorded one, and a bound of their distance at every instant.
+
+    Spans in which it is farther are halved, until none is or a span has no more than two samples.
+
+    Args:
+        joint_names: n names.
+        times: Of the samples, shape (k,), strictly increasing [s].
+        points: Samples, shape (k, n), k >= 4; between them joints move evenly [rad or m].
+        tolerance: Largest distance of any joint, sought [rad or m].
+        rest: Whether it begins and ends without velocity.
+
+    Raises:
+        InvalidTrajectory: Samples and times do not fit, or times do not increase.
+    """
+    q, t = _check_samples(points, times)
+    if len(t) < _FEWEST:
+        raise InvalidTrajectory(f"{len(t)} samples", hint=f"Give at least {_FEWEST}.")
+    t = t - t[0]
+    line = BSpline(np.concatenate([t[:1], t, t[-1:]]), q, 1)
+    breaks, closest = np.array([0, len(t) - 1]), np.inf
+    while True:
+        ends = np.repeat(t[[0, -1]], 3)
+        knots = np.concatenate([ends[:3], t[breaks], ends[3:]])
+        fitted = make_lsq_spline(t, q, knots, 3)
+        fitted.c[[0, -1]] = q[[0, -1]]
+        if rest:
+            fitted.c[[1, -2]] = q[[0, -1]]
+        places, bounds = _distances(fitted, line, np.inf)
+        if bounds.max() < closest:
+            motion = Trajectory(tuple(joint_names), t[breaks], _powers(fitted, t[breaks[:-1]]))
+            closest = float(bounds.max())
+        wide = np.flatnonzero(np.diff(breaks) > 2)
+        off = np.unique(np.searchsorted(t[breaks], places[bounds > tolerance], "right") - 1)
+        split = np.intersect1d(off, wide)
+        if not len(split):
+            return motion, closest
+        breaks = np.unique(np.concatenate([breaks, (breaks[split] + breaks[split + 1]) // 2]))
+
+
 def _near_simplified(
     points: Array, part: float, tolerance: float, norm: float
 ) -> tuple[JointPath, float] | None:
@@ -249,7 +293,7 @@ def _near_simplified(
         fitted = make_lsq_spline(places, line(places), all_knots, 3)
         # The ends are met exactly.
         fitted.c[[0, -1]] = corners[[0, -1]]
-        distance = _distance(fitted, line, norm)
+        distance = float(_distances(fitted, line, norm)[1].max())
         if distance <= left:
             return JointPath(_powers(fitted, knots[:-1]), np.diff(knots)), off + distance
     return None
@@ -262,8 +306,11 @@ def _powers(spline: BSpline, starts: Array) -> Array:
     return np.ascontiguousarray(np.stack(orders, axis=-1))
 
 
-def _distance(curve: BSpline, line: BSpline, norm: float) -> float:
-    """A bound of the distance of two splines at the same parameter."""
+def _distances(curve: BSpline, line: BSpline, norm: float) -> tuple[Array, Array]:
+    """Places from which on two splines are polynomials, and bounds of their distance from each on.
+
+    The distance is that at the same parameter.
+    """
     places = np.unique(np.concatenate([curve.t, line.t]))
     starts, lengths = places[:-1], np.diff(places)
     powers = _powers(curve, starts)
@@ -271,4 +318,5 @@ def _distance(curve: BSpline, line: BSpline, norm: float) -> float:
     powers[..., 0] -= line(starts)
     powers[..., 1] -= line(starts, nu=1)
     scaled = powers * lengths[:, None, None] ** np.arange(4.0)
-    return float(np.linalg.norm(np.abs(scaled @ _BERNSTEIN.T).max(axis=2), ord=norm, axis=1).max())
+    bounds = np.linalg.norm(np.abs(scaled @ _BERNSTEIN.T).max(axis=2), ord=norm, axis=1)
+    return starts, np.asarray(bounds)
