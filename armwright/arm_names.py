@@ -5,11 +5,15 @@ from armwright.model import Dynamics as Dynamics
 from armwright.model import dynamics as dynamics
 from armwright.model import equations as equations
 from armwright.model import fk as fk
+from armwright.model import identify as identify
+from armwright.model import identify_payload as identify_payload
 from armwright.model import ik as ik
 from armwright.model import inverse_dynamics as inverse_dynamics
 from armwright.model import jacobian as jacobian
 from armwright.model import pose as pose
 from armwright.robot import load_robot as load_robot
+from dynamics.identification.identify import Identification as Identification
+from dynamics.identification.log import Log as Log
 from kinematics.errors import ArmwrightError as ArmwrightError
 from kinematics.ik.solution import IkResult as IkResult
 from kinematics.ik.solution import IkSolution as IkSolution

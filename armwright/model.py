@@ -10,6 +10,10 @@ from dynamics import inverse
 from dynamics.equations.parameters import textbook_table
 from dynamics.equations.sheet import Sheet, write_sheet
 from dynamics.equations.writing import Notation
+from dynamics.identification import identify as identification
+from dynamics.identification.identify import Identification
+from dynamics.identification.log import Log
+from dynamics.identification.unknowns import DRIVES, Drive
 from dynamics.terms import coriolis_matrix, gravity_vector, mass_matrix
 from kinematics.arrays import Array, numbers, typed
 from kinematics.forward import forward
@@ -147,6 +151,59 @@ def inverse_dynamics(
         InvalidRobotState: A vector has the wrong length or is not finite.
     """
     return inverse.inverse_dynamics(chain_of(robot), joints, velocities, accelerations)
+
+
+@typed
+def identify(
+    robot: Robot,
+    logs: Log | Sequence[Log],
+    *,
+    drives: Sequence[Drive] = tuple(DRIVES),
+    cutoff: float | None = None,
+) -> Identification:
+    """Identify the bodies and drives of a robot from logs of motions and torques.
+
+    Args:
+        robot: The robot or its chain as it is believed to be; what logs do not determine stays
+            near it.
+        logs: One log or several.
+        drives: Parameters of the drives to be found too; others are those of the robot.
+        cutoff: Cutoff of the low-pass filter without delay [Hz]; where none is given 10 Hz, or no
+            filter where velocities and accelerations are measured.
+
+    Raises:
+        InvalidOption: Logs are malformed, too short, or too few for the parameters.
+        InvalidRobotState: Rows have the wrong length or are not finite.
+    """
+    return identification.identify(chain_of(robot), logs, drives=drives, cutoff=cutoff)
+
+
+@typed
+def identify_payload(
+    robot: Robot,
+    logs: Log | Sequence[Log],
+    *,
+    link: str | None = None,
+    offsets: bool = False,
+    cutoff: float | None = None,
+) -> Identification:
+    """Identify a load that a robot carries, all else being known.
+
+    Args:
+        robot: The robot or its chain, without the load.
+        logs: One log or several; poses at rest determine mass and centre of mass.
+        link: Link that carries the load; the tip where none is named.
+        offsets: Constant torques of the sensors are to be found too.
+        cutoff: Cutoff of the low-pass filter without delay [Hz].
+
+    Raises:
+        InvalidLinkName: No such link, or it stands still.
+        InvalidOption: Logs are malformed, too short, or too few for the parameters.
+        MissingInertia: The robot has no inertias.
+    """
+    return identification.identify_payload(
+        chain_of(robot), logs, link=link, offsets=offsets, cutoff=cutoff
+    )
 
 
 @typed

@@ -23,6 +23,9 @@ from planning.constraints.kinds.region import BoxRegion as BoxRegion
 from planning.constraints.kinds.region import LineRegion as LineRegion
 from planning.constraints.kinds.region import PlaneRegion as PlaneRegion
 from planning.constraints.kinds.region import SphereRegion as SphereRegion
+from planning.excitation import Excitation as Excitation
+from planning.excitation import ExcitationOptions as ExcitationOptions
+from planning.excitation import excite as excite
 from planning.exports.export import Export as Export
 from planning.exports.export import export as export
 from planning.exports.options import ExportFormat as ExportFormat
@@ -45,7 +48,9 @@ from planning.reach.evaluation import reach as reach
 from planning.result import Failure as Failure
 from planning.result import Plan as Plan
 from planning.retiming.retime import Retimed as Retimed
+from planning.retiming.simplify import FittedMotion as FittedMotion
 from planning.retiming.simplify import SimplifiedPath as SimplifiedPath
+from planning.retiming.simplify import fit_motion as fit_motion
 from planning.retiming.simplify import simplify as simplify
 from planning.sequence.result import SequenceFailure as SequenceFailure
 from planning.sequence.result import SequencePlan as SequencePlan

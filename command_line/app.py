@@ -8,6 +8,7 @@ import typer
 from command_line.commands.bench import bench
 from command_line.commands.doctor import doctor
 from command_line.commands.files import export, project, sweep
+from command_line.commands.identify import fit, identify
 from command_line.commands.kinematics import fk, ik, reach
 from command_line.commands.motions import (
     check,
@@ -45,6 +46,8 @@ _COMMANDS: tuple[Callable[..., None], ...] = (
     retime,
     simulate,
     reach,
+    identify,
+    fit,
     task,
     tour,
     project,

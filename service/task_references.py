@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from service.endpoints.dynamics import task as dynamics_tasks
     from service.endpoints.dynamics.equations import equations as equations
     from service.endpoints.export.task import export as export
+    from service.endpoints.identification.task import calibrate as calibrate
+    from service.endpoints.identification.task import excitation as excitation
+    from service.endpoints.identification.task import identify as identify
     from service.endpoints.ik.task import ik as ik
     from service.endpoints.kinematics import task as kinematics_tasks
     from service.endpoints.kinematics.task import convert_pose as convert_pose
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
     from service.endpoints.potential.task import potential as potential
     from service.endpoints.reach.task import reach as reach
     from service.endpoints.retime.task import convert as convert
+    from service.endpoints.retime.task import fit as fit
     from service.endpoints.retime.task import retime as retime
     from service.endpoints.retime.task import simplify as simplify
     from service.endpoints.robots.geometry import finger_poses as finger_poses
@@ -73,6 +77,9 @@ else:
     export = TaskReference("service.endpoints.export.task:export", GRACE)
     finger_poses = TaskReference("service.endpoints.robots.geometry:finger_poses")
     robot_geometry = TaskReference("service.endpoints.robots.geometry:robot_geometry")
+    calibrate = TaskReference("service.endpoints.identification.task:calibrate", GRACE)
+    excitation = TaskReference("service.endpoints.identification.task:excitation", GRACE)
+    identify = TaskReference("service.endpoints.identification.task:identify")
     ik = TaskReference("service.endpoints.ik.task:ik", GRACE)
     fk = TaskReference("service.endpoints.kinematics.task:fk")
     jacobian = TaskReference("service.endpoints.kinematics.task:jacobian")
@@ -86,6 +93,7 @@ else:
     reach = TaskReference("service.endpoints.reach.task:reach", GRACE)
     convert = TaskReference("service.endpoints.retime.task:convert")
     retime = TaskReference("service.endpoints.retime.task:retime")
+    fit = TaskReference("service.endpoints.retime.task:fit", GRACE)
     simplify = TaskReference("service.endpoints.retime.task:simplify", GRACE)
     change_robot = TaskReference("service.endpoints.robots.task:change_robot")
     make_robot = TaskReference("service.endpoints.robots.task:make_robot")

@@ -177,9 +177,12 @@ from armwright_wire.motions.certificate import LimitUse as LimitUse
 from armwright_wire.motions.certificate import LimitUses as LimitUses
 from armwright_wire.motions.certificate import Premises as Premises
 from armwright_wire.motions.certificate import Stops as Stops
+from armwright_wire.motions.excitation import ExcitationAnswer
+from armwright_wire.motions.excitation import ExcitationRequest as ExcitationRequest
 from armwright_wire.motions.export import ExportAnswer
 from armwright_wire.motions.export import ExportRequest as ExportRequest
-from armwright_wire.motions.paths import SimplifyAnswer
+from armwright_wire.motions.paths import FitAnswer, SimplifyAnswer
+from armwright_wire.motions.paths import FitRequest as FitRequest
 from armwright_wire.motions.paths import SimplifyRequest as SimplifyRequest
 from armwright_wire.motions.retime import JointStateBody, RetimeAnswer
 from armwright_wire.motions.retime import PathBody as PathBody
@@ -266,6 +269,11 @@ from armwright_wire.pose import FramedPose as FramedPose
 from armwright_wire.pose import Pose as Pose
 from armwright_wire.pose import PoseForm as PoseForm
 from armwright_wire.pose import PoseForms as PoseForms
+from armwright_wire.robots.calibration import Accuracy as Accuracy
+from armwright_wire.robots.calibration import CalibrateAnswer, CorrectionAnswer
+from armwright_wire.robots.calibration import CalibrateRequest as CalibrateRequest
+from armwright_wire.robots.calibration import LinkMargin as LinkMargin
+from armwright_wire.robots.calibration import Plane as Plane
 from armwright_wire.robots.dynamics import Abbreviation as Abbreviation
 from armwright_wire.robots.dynamics import BaseParameter as BaseParameter
 from armwright_wire.robots.dynamics import ChristoffelFormula as ChristoffelFormula
@@ -281,6 +289,13 @@ from armwright_wire.robots.dynamics import PoseFormulas as PoseFormulas
 from armwright_wire.robots.dynamics import RegressorFormulas as RegressorFormulas
 from armwright_wire.robots.dynamics import RegressorRequest as RegressorRequest
 from armwright_wire.robots.dynamics import WrenchRequest as WrenchRequest
+from armwright_wire.robots.identification import (
+    FoundParameterAnswer,
+    IdentifyAnswer,
+)
+from armwright_wire.robots.identification import IdentifyRequest as IdentifyRequest
+from armwright_wire.robots.identification import JointResidual as JointResidual
+from armwright_wire.robots.identification import LogBody as LogBody
 from armwright_wire.robots.kinematics import ArmSides as ArmSides
 from armwright_wire.robots.kinematics import DampedDirection as DampedDirection
 from armwright_wire.robots.kinematics import FkRequest as FkRequest
@@ -315,9 +330,12 @@ from armwright_wire.robots.robot import GeometryAnswer as GeometryAnswer
 from armwright_wire.robots.robot import JointLimits as JointLimits
 from armwright_wire.robots.robot import Limits as Limits
 from armwright_wire.robots.robot import LinkCapsules as LinkCapsules
+from armwright_wire.robots.robot import LinkInertia as LinkInertia
 from armwright_wire.robots.robot import LinkSolid as LinkSolid
 from armwright_wire.robots.robot import Motor as Motor
+from armwright_wire.robots.robot import RobotCalibration as RobotCalibration
 from armwright_wire.robots.robot import RobotChanges as RobotChanges
+from armwright_wire.robots.robot import RobotInertias as RobotInertias
 from armwright_wire.robots.robot import RobotList as RobotList
 from armwright_wire.robots.robot import RobotSummary as RobotSummary
 from armwright_wire.robots.robot import SuspectedPair as SuspectedPair
@@ -366,17 +384,23 @@ __version__ = VERSION
 # Shorter names of answers, and of parts of requests.
 AllowedPair = AllowedAnswer
 BatchProblem = PartialPlan
+Calibration = CalibrateAnswer
 Certificate = CertificateAnswer
 ClearanceReport = ClearanceAnswer
 CloseSpan = CloseSpanAnswer
 ConfigurationReport = ConfigurationAnswer
 ConvertedPose = ConvertPoseAnswer
 CornerArcReport = CornerArcAnswer
+Correction = CorrectionAnswer
 DerivedDh = DhAnswer
 Descent = DescentAnswer
 DhParameters = DhRowAnswer
+Excitation = ExcitationAnswer
 Export = ExportAnswer
+Fitted = FitAnswer
+FoundParameter = FoundParameterAnswer
 Gradient = GradientOptions
+Identification = IdentifyAnswer
 Improvement = ImprovementAnswer
 JointPath = PathAnswer
 JointState = JointStateBody

@@ -36,14 +36,16 @@ from armwright_wire.motions.certificate import CertificateAnswer as Certificate
 from armwright_wire.motions.export import ExportAnswer as Export
 from armwright_wire.motions.export import ExportRequest
 from armwright_wire.motions.export import Format as ExportFormat
+from armwright_wire.motions.paths import FitAnswer as Fitted
+from armwright_wire.motions.paths import FitRequest, SimplifyRequest
 from armwright_wire.motions.paths import SimplifyAnswer as Simplified
-from armwright_wire.motions.paths import SimplifyRequest
 from armwright_wire.motions.retime import JointStateBody as JointState
 from armwright_wire.motions.retime import PathBody, RetimePath, RetimeRequest, RetimeTiming
 from armwright_wire.motions.retime import RetimeAnswer as Retimed
 from armwright_wire.motions.simulation import SimulateAnswer as Simulation
 from armwright_wire.motions.simulation import SimulateRequest
 from armwright_wire.motions.trajectory import LimitsBody as LimitValues
+from armwright_wire.motions.trajectory import Samples
 from armwright_wire.motions.trajectory import TrajectoryAnswer as TimedTrajectory
 from armwright_wire.motions.trajectory import TrajectoryBody as Trajectory
 from armwright_wire.plans.batch import BatchAnswer, BatchRequest, as_part
@@ -460,6 +462,24 @@ class ServiceEndpoints:
             timeout=timeout,
         )
         return Call("POST", path("paths", "simplify"), Simplified.read, body, deadline=timeout)
+
+    @Endpoint
+    def fit(
+        self,
+        times: VectorLike,
+        positions: RowsLike,
+        tolerance: float,
+        *,
+        robot: str | None = None,
+        rest: bool = False,
+        timeout: float | None = None,
+    ) -> Call[Fitted]:
+        """Few polynomials within a tolerance of a recorded motion, proved with a robot."""
+        samples = Samples.of(time=times, position=positions)
+        body = FitRequest.of(
+            samples=samples, tolerance=tolerance, robot=robot, rest=rest, timeout=timeout
+        )
+        return Call("POST", path("paths", "fit"), Fitted.read, body, deadline=timeout)
 
     @Endpoint
     def retime_states(

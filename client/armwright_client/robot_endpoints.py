@@ -29,9 +29,12 @@ from armwright_client.call import (
     read_text,
 )
 from armwright_client.options.arm_options import (
+    CalibrateOptions,
     DynamicsOptions,
+    ExcitationOptions,
     FkOptions,
     ForwardDynamicsOptions,
+    IdentifyOptions,
     IkOptions,
     JacobianOptions,
     PotentialSettings,
@@ -42,13 +45,20 @@ from armwright_client.options.arm_options import (
 )
 from armwright_client.robots.robot import RobotArchive, RobotUpload
 from armwright_wire.base import Body, RowsLike, VectorLike
+from armwright_wire.motions.excitation import ExcitationAnswer, ExcitationRequest
 from armwright_wire.pose import Pose
+from armwright_wire.robots.calibration import CalibrateAnswer, CalibrateRequest
 from armwright_wire.robots.dynamics import (
     DynamicsRequest,
     EquationsAnswer,
     ForwardDynamicsRequest,
     RegressorRequest,
     WrenchRequest,
+)
+from armwright_wire.robots.identification import (
+    IdentifyAnswer,
+    IdentifyRequest,
+    LogBody,
 )
 from armwright_wire.robots.kinematics import (
     Axis,
@@ -63,7 +73,9 @@ from armwright_wire.robots.robot import (
     DefaultLimits,
     GeometryAnswer,
     JointLimits,
+    RobotCalibration,
     RobotChanges,
+    RobotInertias,
     RobotList,
 )
 from armwright_wire.robots.robot import RobotAnswer as Robot
@@ -130,10 +142,17 @@ class RobotEndpoints:
         *,
         joint_limits: Mapping[str, JointLimits] | str | None = None,
         default_limits: DefaultLimits | None = None,
+        inertias: RobotInertias | None = None,
+        calibration: RobotCalibration | str | None = None,
     ) -> Call[Robot]:
-        """Change limits of a stored robot, and give the model made of it; see `RobotChanges`."""
+        """Change a stored robot, and give the model made of it; see `RobotChanges`."""
         limits = joint_limits if isinstance(joint_limits, str | None) else dict(joint_limits)
-        body = RobotChanges.of(joint_limits=limits, default_limits=default_limits)
+        body = RobotChanges.of(
+            joint_limits=limits,
+            default_limits=default_limits,
+            inertias=inertias,
+            calibration=calibration,
+        )
         return Call("PATCH", path("robots", name), Robot.read, body, deadline=_STORE_TIMEOUT)
 
     @Endpoint
@@ -339,6 +358,30 @@ class RobotEndpoints:
             joints=joints, velocities=velocities, accelerations=accelerations, **options
         )
         return compute(robot, "regressor", body, RegressorAnswer.read)
+
+    @Endpoint
+    def identify(
+        self, robot: str, logs: Sequence[LogBody], **options: Unpack[IdentifyOptions]
+    ) -> Call[IdentifyAnswer]:
+        """Bodies and drives of a robot, or its load, from logs; see `IdentifyOptions`."""
+        body = IdentifyRequest.of(logs=list(logs), **options)
+        return compute(robot, "identify", body, IdentifyAnswer.read, body.timeout)
+
+    @Endpoint
+    def excitation(
+        self, robot: str, **options: Unpack[ExcitationOptions]
+    ) -> Call[ExcitationAnswer]:
+        """A certified motion from whose logs an arm is identified; see `ExcitationOptions`."""
+        body = ExcitationRequest.of(**options)
+        return compute(robot, "excitation", body, ExcitationAnswer.read, body.timeout)
+
+    @Endpoint
+    def calibrate(
+        self, robot: str, joints: RowsLike, **options: Unpack[CalibrateOptions]
+    ) -> Call[CalibrateAnswer]:
+        """Corrections of an arm from measurements of its tip; see `CalibrateOptions`."""
+        body = CalibrateRequest.of(joints=joints, **options)
+        return compute(robot, "calibrate", body, CalibrateAnswer.read, body.timeout)
 
     # Last, since it hides the built-in type from what follows.
     @Endpoint

@@ -58,6 +58,12 @@ RETIME = Endpoint(
     "service.endpoints.retime.task:retime",
     takes_scene=False,
 )
+FIT = Endpoint(
+    "/v1/paths/fit",
+    "armwright_wire.motions.paths:FitRequest",
+    "service.endpoints.retime.task:fit",
+    takes_scene=False,
+)
 SIMULATE = Endpoint(
     "/v1/simulate",
     "armwright_wire.motions.simulation:SimulateRequest",
@@ -68,6 +74,12 @@ REACH = Endpoint(
     "armwright_wire.robots.reach:ReachRequest",
     "service.endpoints.reach.task:reach",
     long=True,
+)
+IDENTIFY = Endpoint(
+    "/v1/robots/{robot}/identify",
+    "armwright_wire.robots.identification:IdentifyRequest",
+    "service.endpoints.identification.task:identify",
+    takes_scene=False,
 )
 TASK = Endpoint(
     "/v1/tasks",

@@ -99,7 +99,7 @@ def plan(
         ((stage["name"], stage["outcome"], stage["milliseconds"]) for stage in answer["stages"]),
     )
     print_line(f"duration {answer['trajectory']['duration']:.4f} s")
-    _show_certificate(answer["certificate"])
+    show_certificate(answer["certificate"])
     print_notes(answer["notes"])
 
 
@@ -155,7 +155,7 @@ def validate(
     }
     certificate = json.loads(ask(connection, VALIDATE, robot, request, body))
     if not connection.as_json:
-        _show_certificate(certificate)
+        show_certificate(certificate)
     if not certificate["verified"] or not (certificate.get("stops") or {"proved": True})["proved"]:
         raise negative()
 
@@ -181,7 +181,7 @@ def witness(
     if connection.as_json or request.output is None:
         print_json(document)
     else:
-        _show_certificate(certificate)
+        show_certificate(certificate)
         for row in certificate["witness"]["unwitnessed"]:
             names = " and ".join(row.get("names", []))
             print_line(f"not witnessed: {row['what']} ({row['count']}) {names}".rstrip(), "yellow")
@@ -189,7 +189,8 @@ def witness(
         raise negative()
 
 
-def _show_certificate(certificate: dict[str, Any]) -> None:
+def show_certificate(certificate: dict[str, Any]) -> None:
+    """Show what was proved of a motion, and the first thing that is wrong."""
     verified = certificate["verified"]
     print_line("proved" if verified else "not proved", "bold green" if verified else "bold red")
     print_line(against(certificate))
@@ -242,7 +243,7 @@ def retime(
     if connection.as_json:
         return
     print_line(f"duration {answer['trajectory']['duration']:.4f} s")
-    _show_certificate(answer["certificate"])
+    show_certificate(answer["certificate"])
     print_table("Largest values of each joint", ("of", "joints"), answer["peaks"].items())
     print_notes(answer["notes"])
 

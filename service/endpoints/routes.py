@@ -3,7 +3,7 @@
 from fastapi import Request, Response
 
 from armwright_wire.motions.export import ExportAnswer, ExportRequest
-from armwright_wire.motions.paths import SimplifyAnswer, SimplifyRequest
+from armwright_wire.motions.paths import FitAnswer, FitRequest, SimplifyAnswer, SimplifyRequest
 from armwright_wire.motions.retime import (
     ConvertRequest,
     JointTrajectoryAnswer,
@@ -119,6 +119,15 @@ async def simplify(body: SimplifyRequest, request: Request) -> Response:
     return await answers.respond_with(
         request, lambda robot, content: tasks.simplify.job(robot, None, content), body
     )
+
+
+@timing.post("/paths/fit", summary="Polynomials for a recorded motion", response_model=FitAnswer)
+async def fit(body: FitRequest, request: Request) -> Response:
+    """Few cubics with continuous accelerations within a tolerance of recorded samples, in time.
+
+    With a robot they are proved against its limits and for collisions with itself.
+    """
+    return await answers.respond_with(request, tasks.fit.job, body)
 
 
 @timing.post(

@@ -128,20 +128,32 @@ def path_to_time(body: retime_schema.RetimePath, chain: Chain | None) -> PathToT
     return PathToTime(names, points, knots, body.tolerance)
 
 
+def equal_rows(
+    rows: Sequence[Sequence[float]], name: str, n: int | None = None
+) -> Sequence[Sequence[float]]:
+    """Rows of a request, checked to have n values each, or as many as the first one.
+
+    Raises:
+        InvalidTrajectory: One has another number.
+    """
+    n = len(rows[0]) if n is None else n
+    wrong = next((i for i, row in enumerate(rows) if len(row) != n), None)
+    if wrong is not None:
+        raise InvalidTrajectory(
+            f"{name}[{wrong}] has {len(rows[wrong])} value(s) in place of {n}",
+            hint="Give one value for each joint in every row.",
+        )
+    return rows
+
+
 def joint_path(body: retime_schema.PathBody, chain: Chain | None) -> tuple[tuple[str, ...], Array]:
     """Names of the joints of a path, and its waypoints (k, n).
 
     Raises:
         InvalidTrajectory: Waypoints of different lengths, or names that do not fit.
     """
-    rows = body.joints
-    n = len(rows[0]) if chain is None else chain.n
-    wrong = next((i for i, row in enumerate(rows) if len(row) != n), None)
-    if wrong is not None:
-        raise InvalidTrajectory(
-            f"path.joints[{wrong}] has {len(rows[wrong])} value(s) in place of {n}",
-            hint="Give one value for each joint in every row.",
-        )
+    rows = equal_rows(body.joints, "path.joints", None if chain is None else chain.n)
+    n = len(rows[0])
     names = body.joint_names
     if chain is not None:
         if names is not None and tuple(names) != chain.joint_names:

@@ -31,6 +31,10 @@ SEAM = aw.SeamOptions((aw.SeamWaypoint(T), aw.SeamWaypoint(aw.fk(ROBOT, GOAL + 0
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 FACES = np.array([[0, 1, 2], [0, 1, 4], [0, 2, 4], [1, 2, 4]])
 
+TIMES = np.linspace(0.0, 1.0, 40)
+WAVES = np.sin(np.outer(TIMES, [5.0, 7.0]))
+LOG = aw.Log(WAVES, aw.inverse_dynamics(ROBOT, WAVES, 0.0 * WAVES, 0.0 * WAVES))
+
 #: Right values of parameters, by their names; those that begin with T are poses.
 RIGHT: dict[str, Any] = {
     "A": -np.eye(2), "P": np.eye(2), "Q": np.eye(2), "T": T,
@@ -62,6 +66,9 @@ OWN: dict[str, dict[str, Any]] = {
     },
     "certify_stops": {"plan": PLAN},
     "export": {"options": aw.ExportOptions(aw.ExportFormat.CSV)},
+    "fit_motion": {"times": TIMES, "positions": WAVES, "joint_names": CHAIN.joint_names},
+    "identify": {"logs": LOG},
+    "identify_payload": {"logs": LOG},
     "place": {"scene": aw.Scene([CUP])},
     "place_region": {"size": (0.1, 0.1)},
     "pose": {"position": Q[[0, 1, 0]]},

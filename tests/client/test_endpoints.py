@@ -61,6 +61,9 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("simplify", lambda c: c.simplify([[0.0], [1.0]], 1e-3, robot="r", scene="s", timeout=3.0),
      "POST", "/v1/paths/simplify", {"path": {"joints": [[0.0], [1.0]]}, "tolerance": 1e-3,
                                     "robot": "r", "scene": "s", "timeout": 3.0}),
+    ("fit", lambda c: c.fit([0.0, 1.0], [[0.0], [1.0]], 1e-3, robot="r"), "POST",
+     "/v1/paths/fit", {"samples": {"time": [0.0, 1.0], "position": [[0.0], [1.0]]},
+                       "tolerance": 1e-3, "robot": "r", "rest": False}),
     ("convert_pose", lambda c: c.convert_pose(
         motions=[ours.PoseMotion(rpy=[0.1, 0.2, 0.3], about="fixed")], inverse=True), "POST",
      "/v1/poses/convert", {"motions": [{"rpy": [0.1, 0.2, 0.3], "about": "fixed"}],
@@ -134,6 +137,14 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
      "POST", "/v1/robots/a/forward-dynamics", {"joints": [0.0], "torques": [0.5]}),
     ("robots.forward_dynamics_batch", lambda c: c.robots.forward_dynamics_batch("a", [[0.0]]),
      "POST", "/v1/robots/a/forward-dynamics", {"joints": [[0.0]]}),
+    ("robots.calibrate", lambda c: c.robots.calibrate("a", [[0.1]], positions=[[1, 0, 0]]), "POST",
+     "/v1/robots/a/calibrate", {"joints": [[0.1]], "positions": [[1.0, 0.0, 0.0]]}),
+    ("robots.excitation", lambda c: c.robots.excitation("a", period=5.0, start=[0.1]), "POST",
+     "/v1/robots/a/excitation", {"period": 5.0, "start": [0.1]}),
+    ("robots.identify", lambda c: c.robots.identify(
+        "a", [ours.LogBody.of(positions=[[0.0]], torques=[[1.0]])], find="payload"), "POST",
+     "/v1/robots/a/identify", {"logs": [{"positions": [[0.0]], "torques": [[1.0]]}],
+                               "find": "payload"}),
     ("robots.reach", lambda c: c.robots.reach("a", [POSE], margin=0.1), "POST",
      "/v1/robots/a/reach", {"poses": [AT], "margin": 0.1}),
     ("robots.reach_picture", lambda c: c.robots.reach_picture(

@@ -12,11 +12,20 @@ from armwright_client import AsyncClient, AsyncPending, BatchAnswer, Client, Job
 from armwright_client.options import arm_options, plan_options
 from armwright_client.robots import robot as uploads
 from armwright_wire.base import Body
-from armwright_wire.motions import export, simulation
+from armwright_wire.motions import excitation, export, simulation
 from armwright_wire.plans import plan, task, tour
 from armwright_wire.plans.plan import PLANNERS as ALL
 from armwright_wire.plans.plan import OmplPlanner
-from armwright_wire.robots import dynamics, kinematics, lyapunov, potential, reach, robot
+from armwright_wire.robots import (
+    calibration,
+    dynamics,
+    identification,
+    kinematics,
+    lyapunov,
+    potential,
+    reach,
+    robot,
+)
 from armwright_wire.scenes import check
 from planning.pipeline.planners import PLANNERS
 from tests.client.scripted import Scripted, problem
@@ -108,6 +117,9 @@ OPTIONS: list[tuple[type, type[Body], set[str]]] = [
         {"joints", "goal_joints", "scene"},
     ),
     (arm_options.ReachOptions, reach.ReachRequest, {"poses", "box", "format"}),
+    (arm_options.IdentifyOptions, identification.IdentifyRequest, {"logs"}),
+    (arm_options.ExcitationOptions, excitation.ExcitationRequest, set()),
+    (arm_options.CalibrateOptions, calibration.CalibrateRequest, {"joints"}),
     (uploads.RobotOptions, robot.RobotFields, {"name"}),
     (uploads.ArchiveOptions, robot.ArchiveFields, {"name"}),
 ]

@@ -256,3 +256,26 @@ def test_a_motion_takes_as_long_as_asked(client: httpx.Client) -> None:
     assert (
         "several" in problem(client.post("/v1/tours", json=tour), 422, "VALIDATION_ERROR")["detail"]
     )
+
+
+def test_few_cubics_stand_for_a_recorded_motion(client: httpx.Client) -> None:
+    t = np.linspace(10.0, 13.0, 300)
+    s = ((t - 10.0) / 3.0)[:, None]
+    q = (np.array(HOME) + (np.array(ASIDE) - HOME) * s**2 * (3.0 - 2.0 * s)).round(4)
+    body = {"samples": {"time": t.tolist(), "position": q.tolist()}, "tolerance": 1e-3}
+    found = client.post("/v1/paths/fit", json=body).json()
+    assert found["deviation"] <= 1e-3
+    assert found["certificate"] is None
+    assert len(found["trajectory"]["segments"]) < 20
+    assert found["trajectory"]["segments"][0]["t0"] == 10.0
+    proved = client.post("/v1/paths/fit", json=body | {"robot": "panda", "rest": True}).json()
+    assert proved["status"] == "success"
+    assert proved["certificate"]["proved"]["collisions"]
+    fast = body | {"samples": {"time": (t / 20.0).tolist(), "position": q.tolist()}}
+    late = client.post("/v1/paths/fit", json=fast | {"robot": "panda"}).json()
+    assert (late["status"], late["certificate"]["verified"]) == ("unverified", False)
+    odd = body | {"samples": {"time": [0.0, 1.0], "position": [[0.0], [0.0, 1.0]]}}
+    refused = client.post("/v1/paths/fit", json=odd)
+    assert "samples.position[1]" in problem(refused, 422, "INVALID_MOTION_PLAN")["detail"]
+    near = client.post("/v1/paths/fit", json=body | {"tolerance": 1e-9})
+    assert "nearest" in problem(near, 422, "VALIDATION_ERROR")["detail"]

@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 
 from command_line.main import main
+from kinematics.robots import builtin_chain
+from tests.dynamics.identification.logs import real_arm, table
 from tests.service.conftest import Served
 from tests.service.robots import urdf
 
@@ -62,6 +64,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     scene = re.search(r"`post\.json`:\s*```json\n(.*?)```", page, re.DOTALL)
     assert scene is not None
     (tmp_path / "post.json").write_text(scene[1])
+    (tmp_path / "log.csv").write_text(table(real_arm(builtin_chain("planar_rr"), 0), 0, 0.1))
     with zipfile.ZipFile(tmp_path / "my_arm.zip", "w") as archive:
         archive.writestr("arm.urdf", urdf("box.obj"))
         archive.writestr(

@@ -4,10 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import Generic, Literal, TypeVar
 
 from armwright_client.options.scene_options import SceneOptions, ToolOptions
-from armwright_wire.base import VectorLike
+from armwright_wire.base import RowsLike, VectorLike
 from armwright_wire.goals.constraint import Constraints
 from armwright_wire.pose import Orientation, Pose
+from armwright_wire.robots.calibration import Accuracy, Plane
 from armwright_wire.robots.dynamics import Payload
+from armwright_wire.robots.identification import DriveName
 from armwright_wire.robots.kinematics import Axis, GradientOptions
 from armwright_wire.robots.potential import PotentialOptions
 from armwright_wire.robots.reach import BaseRegion, ReachTolerance
@@ -241,3 +243,79 @@ class ReachOptions(SceneOptions, total=False):
     bases: Sequence[Pose] | None
     base_region: BaseRegion | None
     seed: int
+
+
+class IdentifyOptions(ToolOptions, total=False):
+    """Options of an identification; see `IdentifyRequest`.
+
+    Args:
+        find: "payload" for the load alone; the robot if left out.
+        link: Link that carries the load; the tip if left out.
+        drives: Parameters of the drives to be found too.
+        cutoff: Cutoff of the filter [Hz].
+        timeout: [s]; the service's default if left out.
+    """
+
+    find: Literal["robot", "payload"]
+    link: str | None
+    drives: Sequence[DriveName] | None
+    cutoff: float | None
+    timeout: float | None
+
+
+class ExcitationOptions(SceneOptions, total=False):
+    """Options of an exciting motion; see `ExcitationRequest`.
+
+    Args:
+        start: Where it begins and ends [rad or m]; the middle of the limits if left out.
+        period: Its duration [s].
+        harmonics: Sines and cosines of each joint.
+        drives: Parameters of the drives to be found too.
+        velocity_scaling: Share of the velocity limits.
+        acceleration_scaling: Share of the acceleration limits.
+        margin: Distance to be kept from obstacles [m].
+        fingers: Positions of joints of the gripper [rad or m].
+        evaluations: Motions that are tried.
+        sample_period: Period of the samples that are answered [s].
+        seed: Seed of the search.
+    """
+
+    start: VectorLike | None
+    period: float
+    harmonics: int
+    drives: Sequence[DriveName] | None
+    velocity_scaling: float
+    acceleration_scaling: float
+    margin: float
+    fingers: Mapping[str, float] | None
+    evaluations: int
+    sample_period: float | None
+    seed: int
+
+
+class CalibrateOptions(ToolOptions, total=False):
+    """Options of a calibration: measurements of one kind; see `CalibrateRequest`.
+
+    Args:
+        poses: Poses of the link, one for each configuration.
+        positions: Positions of its origin [m].
+        distances: Distances of its origin from the anchor [m].
+        anchor: The point that distances are from [m].
+        plane: A plane that its origin touches.
+        link: Link that is measured; the tip if left out.
+        unknown: "frame" and "tip", where how they stand is to be found too.
+        noise: Standard deviations of measurements; found if left out.
+        tolerance: Standard deviations of the arm's making.
+        timeout: [s]; the service's default if left out.
+    """
+
+    poses: Sequence[Pose] | None
+    positions: RowsLike | None
+    distances: VectorLike | None
+    anchor: VectorLike | None
+    plane: Plane | None
+    link: str | None
+    unknown: Sequence[Literal["frame", "tip"]]
+    noise: Accuracy | None
+    tolerance: Accuracy | None
+    timeout: float | None

@@ -15,6 +15,8 @@ from armwright_wire.robots.robot import (
     JointLimits,
     Motor,
     RobotBody,
+    RobotCalibration,
+    RobotInertias,
 )
 
 
@@ -30,6 +32,8 @@ class RobotOptions(TypedDict, total=False):
         default_limits: Rules for limits that nothing else gives.
         held: Positions of joints off the chain [rad or m].
         motors: Motors of a URDF, by joint; "*" for every joint that is not named.
+        inertias: Bodies and drives in place of the description's.
+        calibration: Corrections of joints' frames, or the text of a maker's file.
         allow_suspected: Let pairs touch that `Robot.suspected_collisions` would tell.
         visual_solids: Whether links of a URDF without collision geometry collide as they look.
     """
@@ -42,6 +46,8 @@ class RobotOptions(TypedDict, total=False):
     default_limits: DefaultLimits
     held: dict[str, float]
     motors: dict[str, Motor]
+    inertias: RobotInertias
+    calibration: RobotCalibration | str
 
 
 class ArchiveOptions(RobotOptions, total=False):

@@ -25,8 +25,8 @@ from armwright_wire.base import (
     examples,
 )
 from armwright_wire.motions.trajectory import TrajectoryBody
-from armwright_wire.robots.dynamics import Payload, Tensor
-from armwright_wire.robots.robot import Motor
+from armwright_wire.robots.dynamics import Payload
+from armwright_wire.robots.robot import LinkInertia, Motor
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects
 from armwright_wire.scenes.scene import SceneReference
 from armwright_wire.scenes.tool import WithTool
@@ -200,14 +200,6 @@ Controller = Annotated[
 MAX_SAMPLES = 100_000
 
 Each = NonNegative | list[NonNegative]
-
-
-class LinkInertia(Body):
-    """Mass properties in place of a link's own."""
-
-    mass: Positive = Field(description="[kg]")
-    center_of_mass: Vector3 = Field(description="in the link's frame [m]")
-    inertia: Tensor = Field(description="about the centre of mass, in the link's axes [kg m²]")
 
 
 class ModelError(Body):

@@ -46,6 +46,56 @@ class Motor(Body):
     )
 
 
+class LinkInertia(Body):
+    """Mass properties in place of a link's own."""
+
+    mass: Positive = Field(description="[kg]")
+    center_of_mass: Vector3 = Field(description="in the link's frame [m]")
+    inertia: Matrix3 = Field(description="about the centre of mass, in the link's axes [kg m²]")
+
+
+_Drive = Annotated[list[NonNegative], Field(max_length=MAX_JOINTS)]
+
+
+class RobotInertias(Body):
+    """Bodies and drives in place of a description's, as `identify` answers them."""
+
+    origin: Annotated[str, Field(max_length=1_000)] = Field(
+        description="where they are from; told in lint", examples=["identified from 2 logs"]
+    )
+    links: Annotated[dict[Label, LinkInertia], Field(min_length=1, max_length=MAX_JOINTS)] = Field(
+        description="by a link of each joint's: the body of all that moves with that joint, in the "
+        "frame of the link; other links there have none then"
+    )
+    motor_inertia: _Drive | None = Field(
+        None, description="J, a number a joint [kg m² or kg]; as before if left out"
+    )
+    viscous_friction: _Drive | None = Field(
+        None, description="B, a number a joint [N m s/rad or N s/m]; likewise"
+    )
+    coulomb_friction: _Drive | None = Field(
+        None, description="dry friction F, a number a joint [N m or N]; likewise"
+    )
+
+
+_MAX_XML = 16 * 1024 * 1024
+Xml = Annotated[str, Field(min_length=1, max_length=_MAX_XML)]
+
+
+class RobotCalibration(Body):
+    """Corrections of joints' frames, as `calibrate` answers them."""
+
+    origin: Annotated[str, Field(max_length=1_000)] = Field(
+        description="where they are from; told in lint", examples=["measured by a laser tracker"]
+    )
+    joints: Annotated[dict[Label, Pose], Field(min_length=1, max_length=MAX_JOINTS)] = Field(
+        description="each joint's frame, z along its axis, in the frame that the description has"
+    )
+    file: Xml | None = Field(
+        None, description="text of a maker's file that stands before them, of a URDF"
+    )
+
+
 #: Solids of one link.
 _MAX_SOLIDS = 100
 
@@ -184,7 +234,6 @@ class DhAnswer(Answer):
         return DhTable.model_validate(self.model_dump(exclude_none=True))
 
 
-_MAX_XML = 16 * 1024 * 1024
 #: Mesh files of one robot.
 MAX_MESHES = 1_000
 _MAX_URI = 1_024
@@ -194,7 +243,6 @@ _MAX_LIMITS = 1_000_000
 
 #: A number times another limit.
 Rule = Annotated[str, Field(pattern=r"^[0-9eE+.\- ]+[x*×] *[a-z]+ *$", max_length=64)]
-Xml = Annotated[str, Field(min_length=1, max_length=_MAX_XML)]
 Uri = Annotated[str, Field(min_length=1, max_length=_MAX_URI)]
 
 
@@ -236,6 +284,17 @@ LimitsOfJoints = Annotated[
 ]
 
 
+#: Corrections by joint, or the text of a maker's file.
+Calibrations = Annotated[
+    Annotated[RobotCalibration, Tag("object")] | Annotated[Xml, Tag("text")],
+    Discriminator(_by_form),
+    Field(
+        description="corrections of joints' frames; or of a URDF the text of a kinematics file as "
+        "ur_calibration writes it"
+    ),
+]
+
+
 class RobotFields(Body):
     """Fields of a robot beside its description."""
 
@@ -252,6 +311,10 @@ class RobotFields(Body):
     default_limits: DefaultLimits | None = Field(
         None, description="rules for limits that neither the description nor joint_limits gives"
     )
+    inertias: RobotInertias | None = Field(
+        None, description="bodies and drives in place of the description's"
+    )
+    calibration: Calibrations | None = None
     allow_suspected: bool = Field(
         False,
         description="let pairs touch that the answer's suspected_collisions tells; only where no "
@@ -275,12 +338,12 @@ class RobotFields(Body):
 
 
 class RobotChanges(Body):
-    """Limits of a stored robot that change; those of other joints and quantities stay."""
+    """Limits, inertias and frames of a stored robot that change; all else stays."""
 
     model_config = ConfigDict(
         json_schema_extra={
             "examples": [{"joint_limits": {"*": {"acceleration": 4.0}}}],
-            **any_given(("joint_limits",), ("default_limits",)),
+            **any_given(("joint_limits",), ("default_limits",), ("inertias",), ("calibration",)),
         }
     )
 
@@ -288,11 +351,15 @@ class RobotChanges(Body):
     default_limits: DefaultLimits | None = Field(
         None, description="rules in place of those of before"
     )
+    inertias: RobotInertias | None = Field(
+        None, description="bodies and drives in place of those of before"
+    )
+    calibration: Calibrations | None = None
 
     @model_validator(mode="after")
     def _check_form(self) -> "RobotChanges":
-        if self.joint_limits is None and self.default_limits is None:
-            raise ValueError("give joint_limits or default_limits")
+        if not any(getattr(self, name) is not None for name in type(self).model_fields):
+            raise ValueError("give joint_limits, default_limits, inertias or calibration")
         return self
 
 
@@ -335,6 +402,8 @@ class RobotBody(RobotFields):
     def _check_form(self) -> "RobotBody":
         exactly_one(self, self.one_of)
         if self.dh is not None:
+            if isinstance(self.calibration, str) or getattr(self.calibration, "file", None):
+                raise ValueError("a maker's calibration belongs to a URDF, not to a dh table")
             for name in ("srdf", "meshes", "held", "motors", "visual_solids"):
                 if getattr(self, name) not in (None, False):
                     raise ValueError(f"{name} belongs to a URDF, not to a dh table")
@@ -401,6 +470,8 @@ class RobotAnswer(Answer):
     )
     default_limits: DefaultLimits | None = Field(None, description="of the request")
     held: dict[str, float] | None = Field(None, description="of the request")
+    inertias: RobotInertias | None = Field(None, description="of the request")
+    calibration: RobotCalibration | str | None = Field(None, description="of the request")
     fingers: dict[str, FingerJoint] = Field(
         default_factory=dict,
         description="joints of the gripper that `fingers` of requests may move; those that follow "

@@ -1,10 +1,12 @@
-"""Equations of motion, regressors and statics of a robot."""
+"""Equations of motion, regressors and statics of a robot, and what logs tell of them."""
 
 from typing import Annotated, Literal
 
 from fastapi import Query, Request, Response
 
 from armwright_wire.base import Timeout
+from armwright_wire.motions.excitation import ExcitationAnswer, ExcitationRequest
+from armwright_wire.robots.calibration import CalibrateAnswer, CalibrateRequest
 from armwright_wire.robots.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
@@ -16,12 +18,19 @@ from armwright_wire.robots.dynamics import (
     WrenchAnswer,
     WrenchRequest,
 )
+from armwright_wire.robots.identification import (
+    IdentifyAnswer,
+    IdentifyRequest,
+)
 from service.endpoints.configurations import count, json_answer, respond
 from service.http import answers
 from service.http.json_route import json_router
+from service.task_references import calibrate as calibrate_task
 from service.task_references import dynamics as dynamics_task
 from service.task_references import equations as equations_task
+from service.task_references import excitation as excitation_task
 from service.task_references import forward_dynamics as forward_dynamics_task
+from service.task_references import identify as identify_task
 from service.task_references import regressor as regressor_task
 from service.task_references import wrench as wrench_task
 
@@ -70,6 +79,58 @@ async def regressor(name: str, _body: RegressorRequest, request: Request) -> Res
     Finding the base parameters takes longer than a request should hold up others: a worker does.
     """
     return await respond(request, name, regressor_task, is_brief=False)
+
+
+@router.post(
+    "/identify", summary="Bodies, drives or a load from logs", response_model=IdentifyAnswer
+)
+async def identify(name: str, body: IdentifyRequest, request: Request) -> Response:
+    """Base parameters, frictions and motor inertias, or a payload, from motions and torques.
+
+    Weighted least squares with standard errors, and the bodies with positive density that fit best.
+    Nothing is stored: PATCH the robot with the `inertias` that are answered.
+    """
+    content = await request.body()
+    return json_answer(
+        await answers.answer(
+            request,
+            lambda robot, _: identify_task.job(robot, content),
+            name,
+            timeout=body.timeout,
+        )
+    )
+
+
+@router.post(
+    "/excitation", summary="A motion to identify an arm by", response_model=ExcitationAnswer
+)
+async def excitation(name: str, body: ExcitationRequest, request: Request) -> Response:
+    """A motion of Fourier series whose base regressor has a small condition number, certified.
+
+    It begins and ends at rest at `start`, keeps all limits, those of torque by the inertias that
+    are known so far, and is free of collisions.
+    """
+    return await answers.respond(request, excitation_task.job, name, body)
+
+
+@router.post(
+    "/calibrate", summary="Frames of joints from measurements", response_model=CalibrateAnswer
+)
+async def calibrate(name: str, body: CalibrateRequest, request: Request) -> Response:
+    """Corrections of joints' frames from poses, positions, distances or a plane that is touched.
+
+    With their errors, and for each joint's bodies the margin that these leave. Nothing is stored:
+    PATCH the robot with the `calibration` that is answered.
+    """
+    content = await request.body()
+    return json_answer(
+        await answers.answer(
+            request,
+            lambda robot, _: calibrate_task.job(robot, content),
+            name,
+            timeout=body.timeout,
+        )
+    )
 
 
 @router.get("/equations", summary="Formulas", response_model=EquationsAnswer)

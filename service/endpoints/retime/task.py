@@ -2,15 +2,17 @@
 
 from dataclasses import replace
 
+import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.motions.paths import SimplifyRequest
+from armwright_wire.motions.paths import FitRequest, SimplifyRequest
 from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.export import csv_text, joint_trajectory
 from planning.retiming.retime import Retimed, with_path_stops
 from planning.retiming.retime import retime as time_again
+from planning.retiming.simplify import fit_motion
 from planning.retiming.simplify import simplify as simplified
 from planning.retiming.state_motion import time_states
 from service.endpoints.attached_objects import robot_in_scene
@@ -107,6 +109,37 @@ def simplify(
         if proof is None
         else certificates.certificate_answer(proof, scene=body.scene),
         "notes": [*notes, *found.notes],
+    }
+    return to_json(answer, inf_nan_mode="null")
+
+
+@task(grace=GRACE)
+def fit(robot: Reference | None, content: bytes) -> bytes:
+    """Answer a request to fit a recorded motion.
+
+    Args:
+        robot: The robot, if one is named.
+        content: The request.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = FitRequest.model_validate_json(content)
+    found = fit_motion(
+        body.samples.time,
+        np.array(timings.equal_rows(body.samples.position, "samples.position")),
+        body.tolerance,
+        None if robot is None else worker_cache.robot(robot).geometry,
+        joint_names=body.joint_names,
+        rest=body.rest,
+        deadline=current.deadline(),
+    )
+    proof, begins = found.certificate, body.samples.time[0]
+    answer = {
+        "status": "success" if proof is None or proof.verified else "unverified",
+        "trajectory": trajectories.trajectory_answer(found.trajectory, None, begins),
+        "deviation": found.deviation,
+        "certificate": proof and certificates.certificate_answer(proof, begins),
     }
     return to_json(answer, inf_nan_mode="null")
 

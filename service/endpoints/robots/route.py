@@ -43,6 +43,8 @@ _OBJECTS = {
     "joint_limits": '{"joint": {"velocity": 2.0, "acceleration": 5.0}}',
     "default_limits": '{"acceleration": "10 x velocity"}',
     "held": '{"joint": 0.1}',
+    "calibration": '{"origin": "measured", "joints": {"joint": {...}}}',
+    "inertias": '{"origin": "identified", "links": {"link": {...}}}',
     "motors": '{"*": {"inertia": 1e-4, "gear_ratio": 100}}',
     "allow_suspected": "true",
     "visual_solids": "true",
@@ -162,11 +164,13 @@ async def get_geometry(
     return Response(content, media_type="application/json")
 
 
-@router.patch("/{name}", summary="Change limits of a robot", response_model=RobotAnswer)
+@router.patch(
+    "/{name}", summary="Change limits, inertias or frames of a robot", response_model=RobotAnswer
+)
 async def change_robot(name: str, request: Request, _body: RobotChanges) -> Response:
-    """Stores a robot with other limits; requests and jobs that begin afterwards see them.
+    """Stores a robot with other values; requests and jobs from then on see them.
 
-    Limits of joints and quantities that are not named stay as they are. Meshes are not cut again.
+    What is not named stays as it is. Meshes are not cut again.
     """
     _refuse_built_in(name)
     content = await request.body()
@@ -178,7 +182,7 @@ async def change_robot(name: str, request: Request, _body: RobotChanges) -> Resp
     if reference.hash != before.record.hash:
         raise storage_problem(
             "CONFLICT",
-            f"robot {name!r} was replaced while its limits were changed",
+            f"robot {name!r} was replaced while it was changed",
             hint="Send the change again.",
             name=name,
         )
@@ -251,8 +255,8 @@ def _form_fields(texts: dict[str, Any], file_name: str | None) -> ArchiveFields:
     given = {"name": (file_name or "").removesuffix(".zip")} | texts
     for name in _OBJECTS:
         text = str(given.get(name, "")).lstrip()
-        # Limits that are no JSON object are the text of a joint_limits.yaml.
-        if name in given and (text.startswith("{") or name != "joint_limits"):
+        # Of these what is no JSON object is the text of a YAML file.
+        if name in given and (text.startswith("{") or name not in ("joint_limits", "calibration")):
             given[name] = _json_field(name, given[name])
     try:
         return ArchiveFields.model_validate(given)

@@ -143,7 +143,7 @@ def prepare_robot(document: bytes, folder: str, notes: tuple[str, ...] = ()) -> 
 
 @task
 def change_robot(document: bytes, content: bytes, folder: str) -> tuple[bytes, bytes]:
-    """Build a stored robot with other limits, and keep it for all workers.
+    """Build a stored robot with other limits or inertias, and keep it for all workers.
 
     Args:
         document: Stored document of the robot.

@@ -58,7 +58,7 @@ def with_rules(chain: Chain, rules: schema.DefaultLimits | None) -> tuple[Chain,
 def changed(
     body: schema.RobotBody, changes: schema.RobotChanges, joints: Collection[str]
 ) -> schema.RobotBody:
-    """The document of a robot with other limits; what a change does not name stays.
+    """The document of a robot with other values; what a change does not name stays.
 
     A change for all joints ("*") replaces what single joints had of the same quantity.
 
@@ -83,11 +83,12 @@ def changed(
             merged[other] = {q: v for q, v in merged[other].items() if q not in values}
         merged[name] = {**merged.get(name, {}), **values}
     limits = {name: schema.JointLimits(**values) for name, values in merged.items() if values}
-    rules = body.default_limits if changes.default_limits is None else changes.default_limits
+    given = {
+        name: getattr(body if getattr(changes, name) is None else changes, name)
+        for name in ("default_limits", "inertias", "calibration")
+    }
     fields = {name: getattr(body, name) for name in body.model_fields_set}
-    return schema.RobotBody.model_validate(
-        fields | {"joint_limits": limits or None, "default_limits": rules}
-    )
+    return schema.RobotBody.model_validate(fields | given | {"joint_limits": limits or None})
 
 
 def _of_chain(

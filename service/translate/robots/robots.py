@@ -12,7 +12,10 @@ import numpy as np
 from armwright_wire.robots import robot as schema
 from armwright_wire.robots.robot import Motor
 from dynamics.model.body import joints_without_inertia, massless_joints
+from dynamics.model.payload import with_bodies
 from kinematics.arrays import Array
+from kinematics.calibration.calibrate import with_corrections
+from kinematics.calibration.maker_file import with_origins
 from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.ik.closed_form.structure import classify_wrist
 from kinematics.model.chain import Chain, JointType
@@ -34,6 +37,7 @@ from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.robots.touching_pairs import suspected_pairs
 from service.fields import picked
 from service.translate import poses
+from service.translate.payload import identified_bodies
 from service.translate.robots import limits as robot_limits
 from service.translate.robots.motors import reflected, robot_motors, with_robot_motors
 
@@ -49,6 +53,15 @@ def robot(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
     """
     table = dh_table(body)
     geometry, lint = _from_urdf(body) if table is None else _from_dh(body, table)
+    if isinstance(body.calibration, schema.RobotCalibration):
+        corrections = {name: poses.transform(X) for name, X in body.calibration.joints.items()}
+        chain = with_corrections(geometry.chain, corrections)
+        geometry = dataclasses.replace(geometry, chain=chain)
+        lint = [*lint, f"calibration: {body.calibration.origin}"]
+    if body.inertias is not None:
+        chain = with_bodies(geometry.chain, identified_bodies(body.inertias))
+        geometry = dataclasses.replace(geometry, chain=chain)
+        lint = [*lint, f"inertias: {body.inertias.origin}"]
     return geometry, [
         *lint,
         *_limit_lint(geometry.chain),
@@ -101,6 +114,10 @@ def _from_urdf(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
 
 def _description(body: schema.RobotBody) -> RobotDescription:
     description = parse_urdf(body.urdf or "")
+    given = body.calibration
+    file = given.file if isinstance(given, schema.RobotCalibration) else given
+    if file is not None:
+        description = with_origins(description, file)
     if not body.visual_solids:
         return description
     return with_visual_solids(description, read_visuals(body.urdf or ""))
@@ -293,6 +310,8 @@ def robot_answer(
         states={name: q.tolist() for name, q in geometry.states.items()},
         default_limits=None if body is None else body.default_limits,
         held=None if body is None else body.held,
+        inertias=None if body is None else body.inertias,
+        calibration=None if body is None else body.calibration,
         fingers=_finger_joints(geometry),
         motors=motors,
         dh=dh,

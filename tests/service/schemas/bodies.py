@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
+from armwright_wire.motions.excitation import ExcitationRequest
 from armwright_wire.motions.export import ExportRequest
-from armwright_wire.motions.paths import SimplifyRequest
+from armwright_wire.motions.paths import FitRequest, SimplifyRequest
 from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
 from armwright_wire.motions.simulation import SimulateRequest
 from armwright_wire.plans.batch import BatchRequest
@@ -15,12 +16,14 @@ from armwright_wire.plans.plan import PlanRequest, ValidateRequest
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.plans.tour import TourRequest
 from armwright_wire.pose import ConvertPoseRequest
+from armwright_wire.robots.calibration import CalibrateRequest
 from armwright_wire.robots.dynamics import (
     DynamicsRequest,
     ForwardDynamicsRequest,
     RegressorRequest,
     WrenchRequest,
 )
+from armwright_wire.robots.identification import IdentifyRequest
 from armwright_wire.robots.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
 from armwright_wire.robots.lyapunov import LyapunovRequest
 from armwright_wire.robots.potential import PotentialRequest
@@ -36,6 +39,23 @@ MOTOR = {
     "inertia": 1e-4, "friction": 1e-5, "torque_constant": 0.1, "back_emf": 0.1, "resistance": 1.0,
     "gear_ratio": 100.0, "voltage_limit": 24.0,
 }  # fmt: skip
+INERTIAS: dict[str, Any] = {
+    "origin": "identified from 2 logs",
+    "links": {"hand": {"mass": 1.0, "center_of_mass": [0.0] * 3, "inertia": IDENTITY}},
+    "motor_inertia": [0.1], "viscous_friction": [0.2], "coulomb_friction": [0.3],
+}  # fmt: skip
+CALIBRATION: dict[str, Any] = {
+    "origin": "a laser tracker", "joints": {"j1": {"position": [0.0, 0.0, 0.001]}},
+    "file": "kinematics: {}",
+}  # fmt: skip
+ACCURACY = {"position": 1e-4, "rotation": 1e-3}
+MEASURED: list[dict[str, Any]] = [
+    {"poses": [{"position": [0.4, 0.0, 0.3]}]},
+    {"positions": [[0.4, 0.0, 0.3]]},
+    {"distances": [0.5], "anchor": [1.0, 0.0, 0.0]},
+    {"plane": {"point": [0.0, 0.0, 0.1], "normal": [0.0, 0.0, 1.0]}},
+]
+LOG = {name: [[0.1], [0.2]] for name in ("positions", "velocities", "accelerations")}
 #: What `POST /v1/simulate` takes beside the motion, the controller and what is around the robot.
 SIMULATE: dict[str, Any] = {
     "robot": "panda", "scene": "table", "frame": "base",
@@ -495,6 +515,10 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                  "joint_names": ["a", "b"], "tolerance": 1e-3},
         "robot": "panda", "limits": LIMITS, "stops": "path", "timeout": 5.0,
         "timing": TIMING | {"start_velocity": [0.1, 0.2], "end_velocity": [0.1, 0.2]}}),
+    (FitRequest, {"samples": {name: [[0.1], [0.2]] for name in ("position", "velocity",
+                                                                "acceleration")}
+                  | {"time": [0.0, 1.0]}, "joint_names": ["a"], "robot": "panda", "rest": True,
+                  "tolerance": 1e-3, "timeout": 5.0, "tool": "gripper_a", "tcp": "tip"}),
     (SimplifyRequest, ABOUT | {
         "robot": "panda", "scene": SMALL_SCENE, "frame": "base", "fingers": {"claw": 0.01},
         "margin": 0.01, "timeout": 5.0,
@@ -533,11 +557,28 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (RobotBody, {"name": "arm", "urdf": "<robot/>", "srdf": "<robot/>", "meshes": {"a.stl": "AAAA"},
                  "joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS,
                  "held": {"finger": 0.1}, "allow_suspected": True, "visual_solids": True,
-                 "motors": {"*": MOTOR}}),
-    (RobotChanges, {"joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS}),
+                 "motors": {"*": MOTOR}, "inertias": INERTIAS,
+                 "calibration": CALIBRATION}),
+    (RobotChanges, {"joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS,
+                    "inertias": INERTIAS, "calibration": CALIBRATION}),
     (ArchiveFields, {"name": "arm", "urdf_path": "a/arm.urdf", "srdf_path": "arm.srdf",
                      "joint_limits": "joint_limits: {}", "default_limits": DEFAULT_LIMITS,
                      "held": {"finger": 0.1}, "base_link": "base", "tip_link": "tip",
-                     "allow_suspected": True, "visual_solids": True, "motors": {"joint_1": MOTOR}}),
+                     "allow_suspected": True, "visual_solids": True, "motors": {"joint_1": MOTOR},
+                     "inertias": INERTIAS, "calibration": "kinematics: {}"}),
+    *((CalibrateRequest, {"tool": "gripper_a", "tcp": "tip", "joints": [[0.1, 0.2]],
+                          "link": "hand", "unknown": ["frame", "tip"], "timeout": 5.0,
+                          "noise": ACCURACY, "tolerance": ACCURACY} | measured)
+      for measured in MEASURED),
+    (ExcitationRequest, ABOUT | {
+        "scene": SMALL_SCENE, "frame": "base", "fingers": {"claw": 0.01}, "margin": 0.01,
+        "start": [0.1, 0.2], "period": 5.0, "harmonics": 4, "drives": ["offset"],
+        "velocity_scaling": 0.5, "acceleration_scaling": 0.5, "evaluations": 9,
+        "sample_period": 0.01, "seed": 3, "timeout": 5.0}),
+    (IdentifyRequest, {"tool": "gripper_a", "tcp": "tip", "find": "payload", "link": "hand",
+                       "drives": ["offset"], "cutoff": 10.0, "timeout": 5.0,
+                       "logs": [LOG | {"times": [0.0, 0.1], "torques": [[0.1], [0.2]]},
+                                LOG | {"period": 0.1, "currents": [[0.1], [0.2]],
+                                       "gains": [50.0]}]}),
 ]  # fmt: skip
 NAMES = [f"{model.__name__}-{i}" for i, (model, _) in enumerate(FULL)]

@@ -75,6 +75,8 @@ def test_an_unknown_field_is_named_wherever_it_stands(model: type[BaseModel], bo
             continue
         if path and path[-1] == "tcp" and "tip" in dict(values(body)).get(path, {}):  # by name
             continue
+        if path == ("inertias", "links"):  # by name
+            continue
         if path == ("motors",) and issubclass(model, RobotFields):  # by joint
             continue
         where = (*path, "surprise")

@@ -1,0 +1,57 @@
+"""Exciting motions on the wire: those from whose logs an arm is identified well."""
+
+from typing import Annotated
+
+from pydantic import ConfigDict, Field
+
+from armwright_wire.base import Answer, Frame, JointVector, Ratio, Seed, Timeout, examples
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.motions.trajectory import TrajectoryAnswer
+from armwright_wire.robots.identification import Drives
+from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
+from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.tool import WithTool
+
+
+class ExcitationRequest(WithFingers, WithTool):
+    """A motion from whose logs an arm is identified well, free of collision."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": examples("ExcitationRequest")})
+
+    scene: SceneReference | None = Field(None, examples=["table"])
+    frame: Frame | None = None
+    attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
+    margin: Margin = 0.0
+    start: JointVector | None = Field(
+        None, description="where it begins and ends, at rest; the middle of the limits if left out"
+    )
+    period: Annotated[float, Field(ge=0.1, le=600.0)] = Field(10.0, description="its duration [s]")
+    harmonics: Annotated[int, Field(ge=3, le=20)] = Field(
+        5, description="sines and cosines of each joint, of 1, 2, ... turns in a period"
+    )
+    drives: Drives | None = Field(
+        None, description="parameters of the drives to be found too; all four if left out"
+    )
+    velocity_scaling: Ratio = Field(1.0, description="share of the velocity limits")
+    acceleration_scaling: Ratio = Field(1.0, description="share of the acceleration limits")
+    evaluations: Annotated[int, Field(ge=1, le=100_000)] = Field(
+        600, description="motions that are tried, about a millisecond each"
+    )
+    sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = Field(
+        None, description="samples are answered at this period [s], else none"
+    )
+    seed: Seed = 0
+    timeout: Timeout | None = None
+
+
+class ExcitationAnswer(Answer):
+    """A motion that is proved, and how well its logs determine the parameters."""
+
+    trajectory: TrajectoryAnswer
+    certificate: CertificateAnswer
+    condition: float = Field(
+        description="condition number of the base regressor along it, columns scaled to length 1"
+    )
+    base_parameters: list[str] = Field(description="combinations that its logs determine")
+    notes: list[str] = Field(default_factory=list, description="what was done to the request")

@@ -1,0 +1,146 @@
+"""Logs of motions on the wire, and the parameters that are found from them."""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from armwright_wire.base import (
+    MAX_JOINTS,
+    Answer,
+    Body,
+    InFrame,
+    JointVector,
+    Label,
+    Number,
+    Positive,
+    Timeout,
+    exactly_one,
+    examples,
+)
+from armwright_wire.robots.dynamics import Payload
+from armwright_wire.robots.robot import RobotInertias
+from armwright_wire.scenes.tool import WithTool
+
+#: Instants of one log: twenty seconds at 1 kHz.
+MAX_INSTANTS = 20_000
+#: Instants of all logs of one request: their regressors take some hundred megabytes.
+MAX_TOTAL = 40_000
+#: Logs of one request.
+MAX_LOGS = 20
+
+DriveName = Literal["motor_inertia", "viscous_friction", "coulomb_friction", "offset"]
+Drives = Annotated[list[DriveName], Field(max_length=4)]
+Rows = Annotated[list[JointVector], Field(min_length=1, max_length=MAX_INSTANTS)]
+
+
+class LogBody(Body):
+    """A log of one motion, or of poses at rest where it has neither times nor a period."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("torques", "currents")
+
+    positions: Rows = Field(description="q, a row for each instant [rad or m]")
+    torques: Rows | None = Field(None, description="τ, a row for each instant [N m or N]")
+    currents: Rows | None = Field(
+        None, description="in place of torques, a row for each instant [A]"
+    )
+    gains: Annotated[list[Number], Field(min_length=1, max_length=MAX_JOINTS)] | None = Field(
+        None, description="of currents: torque of the joint for one ampere [N m/A or N/A]"
+    )
+    times: Annotated[list[Number], Field(min_length=1, max_length=MAX_INSTANTS)] | None = Field(
+        None, description="ascending instants, one for each row [s]"
+    )
+    period: Positive | None = Field(None, description="from one row to the next, for times [s]")
+    velocities: Rows | None = Field(
+        None, description="q̇; derivatives of the positions if left out [rad/s or m/s]"
+    )
+    accelerations: Rows | None = Field(
+        None, description="q̈; derivatives if left out [rad/s² or m/s²]"
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "LogBody":
+        exactly_one(self, self.one_of)
+        if (self.currents is None) != (self.gains is None):
+            raise ValueError("currents and gains belong together: give both or neither")
+        if self.times is not None and self.period is not None:
+            raise ValueError("give times or period, not both")
+        return self
+
+
+class IdentifyRequest(WithTool):
+    """Logs of a robot whose bodies and drives, or whose load, are to be found."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": examples("IdentifyRequest")})
+
+    logs: Annotated[list[LogBody], Field(min_length=1, max_length=MAX_LOGS)] = Field(
+        description="motions that differ, or poses at rest"
+    )
+    find: Literal["robot", "payload"] = Field(
+        "robot", description="payload: ten parameters of a load, the robot's own being known"
+    )
+    link: Label | None = Field(None, description="that carries the payload; the tip if left out")
+    drives: Drives | None = Field(
+        None,
+        description="parameters of the drives to be found too; all four of a robot, none with a "
+        "payload if left out",
+    )
+    cutoff: Positive | None = Field(
+        None,
+        description="of a low-pass filter without delay [Hz]; if left out 10 Hz where derivatives "
+        "are missing, else none",
+    )
+    timeout: Timeout | None = None
+
+    @model_validator(mode="after")
+    def _check_drives(self) -> "IdentifyRequest":
+        total = sum(len(log.positions) for log in self.logs)
+        if total > MAX_TOTAL:
+            raise ValueError(
+                f"logs have {total} instants, at most {MAX_TOTAL} are taken: thin them"
+            )
+        drives = self.drives or []
+        if len(set(drives)) < len(drives):
+            raise ValueError("drives: each must be unique")
+        if self.find == "payload" and set(drives) - {"offset"}:
+            raise ValueError("drives: with a payload only offset can be found")
+        if self.find == "robot" and self.link is not None:
+            raise ValueError('link belongs to "find": "payload"')
+        return self
+
+
+class FoundParameterAnswer(Answer):
+    """A combination of parameters that the logs determine."""
+
+    name: str = Field(examples=["Izz1 + 0.25 m2"], description="the combination, as a formula")
+    unit: str = Field(examples=["kg m²"], description="of its value")
+    value: float = Field(description="by weighted least squares")
+    standard_error: float = Field(description="standard deviation of the value")
+    consistent: float = Field(description="of the bodies with positive density that fit best")
+    believed: float = Field(description="of the robot as it is stored; 0 for a payload")
+    excited: bool = Field(description="the standard error is below the usual size of such a one")
+
+
+class JointResidual(Answer):
+    """What is left of the torques of a joint, root mean squares."""
+
+    joint: str = Field(description="name of the joint")
+    torque: float = Field(description="of the torques [N m or N]")
+    residual: float = Field(description="that least squares leave [N m or N]")
+    consistent_residual: float = Field(description="that the bodies found leave [N m or N]")
+    offset: float = Field(description="constant torque of the sensor [N m or N]; 0 if not sought")
+
+
+class IdentifyAnswer(InFrame):
+    """Parameters found, how sure they are, and what robots or requests take of them."""
+
+    parameters: list[FoundParameterAnswer] = Field(description="combinations determined")
+    not_excited: list[str] = Field(
+        description="combinations that motions can determine and these logs do not, and why"
+    )
+    joints: list[JointResidual] = Field(description="residuals, by joint")
+    condition: float = Field(description="of the weighted equations, their columns scaled")
+    samples: int = Field(description="instants that count, after the filter")
+    inertias: RobotInertias | None = Field(
+        None, description="of a robot: as PATCH /v1/robots/{name} takes them"
+    )
+    payload: Payload | None = Field(None, description="as other requests take it")

@@ -1,0 +1,1 @@
+"""Parameters of robots that are found from measurements."""
