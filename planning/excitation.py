@@ -25,6 +25,8 @@ from planning.values.limits import EffortLimits, MotionLimits
 _USED = 0.95
 #: Instants of a period that are looked at for each harmonic.
 _INSTANTS = 24
+#: Share of the time that is left which the search takes at most; the rest is for the proof.
+_SEARCH = 0.6
 #: Series that are drawn before the best of them is improved.
 _DRAWN = 40
 #: Amplitudes fall by this factor, so often, where a motion is not free or a torque is too large.
@@ -130,7 +132,8 @@ def excite(
             "excitation",
         )
     search = _Search.of(chain, q0, given, checker)
-    best, condition = _improved(search, given, deadline)
+    ends = None if deadline is None else deadline.at_most(_SEARCH * deadline.remaining)
+    best, condition = _improved(search, given, ends)
     while np.isfinite(condition):
         motion = search.trajectory(best)
         certificate = certify(

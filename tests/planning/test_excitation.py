@@ -86,6 +86,9 @@ def test_what_can_not_be_is_told() -> None:
     refused = excite(robot, hit, READY)
     assert isinstance(refused, Failure)
     assert refused.code == "START_STATE_INVALID"
+    short = Deadline.after(4.0)
+    best = excite(robot, None, READY, ExcitationOptions(evaluations=100_000), deadline=short)
+    assert isinstance(best, Excitation)
     late = excite(robot, None, READY, deadline=Deadline.after(0.0))
     assert isinstance(late, Failure)
     assert late.code == "PLANNING_FAILED"
