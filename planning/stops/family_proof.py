@@ -102,6 +102,8 @@ def prove_family(
     scene: Scene,
     margin: float,
     deadline: Deadline | None = None,
+    *,
+    sharp: bool = True,
 ) -> FamilyProof:
     """Prove all stops of a motion, which is itself proved, so that nothing is inside anything.
 
@@ -111,13 +113,15 @@ def prove_family(
         scene: The obstacles.
         margin: Distance to keep from obstacles beyond their own margins [m].
         deadline: Instant at which the proof is given up.
+        sharp: Whether cells are halved until the clearance told is sharp, not only until all is
+            free.
     """
     outside = _outside(family, robot)
     if outside is not None:
         return outside
     opened: frozenset[int] | None = frozenset()
     while True:
-        sweep = _FamilySweep(family, PairTable.of(robot, scene, margin, opened), deadline)
+        sweep = _FamilySweep(family, PairTable.of(robot, scene, margin, opened), deadline, sharp)
         more = sweep.run()
         if sweep.found is not None:
             return sweep.found
@@ -136,9 +140,12 @@ class _FamilySweep:
         family: The stops.
         table: The pairs.
         deadline: Instant at which the proof is given up.
+        sharp: Sharpness as in ``prove_family``.
     """
 
-    def __init__(self, family: StopFamily, table: PairTable, deadline: Deadline | None) -> None:
+    def __init__(
+        self, family: StopFamily, table: PairTable, deadline: Deadline | None, sharp: bool
+    ) -> None:
         self._family, self._table, self._deadline = family, table, deadline
         self.found: FamilyProof | None = None
         self._looked_at = 0
@@ -147,7 +154,7 @@ class _FamilySweep:
         motion = family.trajectory
         sizes = arrays.bodies.shape[1], arrays.joints.shape[0], arrays.moving
         self._sweep: Sweep = start_kernel(motion.breaks, motion.coefficients, arrays.roots, sizes)
-        self._sweep.counters[DEPTH], self._sweep.counters[SHARP] = 0, 1
+        self._sweep.counters[DEPTH], self._sweep.counters[SHARP] = 0, int(sharp)
         self._sweep.interval[HALF] = 1.0
 
     def run(self) -> frozenset[int]:

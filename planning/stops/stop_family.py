@@ -4,7 +4,7 @@ Enclosed on cells of both times. At one tau the joints' ways while braking grow 
 acceleration at the begin (``braking``), whose intervals are those of the trajectory's polynomials.
 """
 
-from itertools import pairwise
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -213,35 +213,62 @@ def joint_stop(trajectory: Trajectory, at: float, limits: BrakingLimits) -> Traj
         at: Instant of it at which braking begins [s].
         limits: Limits that the joints brake at.
     """
-    q, v, a = (trajectory.sample([at], order)[0] for order in range(3))
-    braking = Braking.of(v, a, limits)
+    state = np.stack([trajectory.sample([at], order)[0] for order in range(3)])
+    return braking_motion(trajectory.joint_names, state, limits)
+
+
+def braking_motion(
+    joint_names: Sequence[str],
+    state: Array,
+    limits: BrakingLimits,
+    target: Array | None = None,
+    until: float | None = None,
+) -> Trajectory:
+    """Motion from a state to other velocities, every joint by itself: braking as seen from these.
+
+    Args:
+        joint_names: n names.
+        state: Position, velocity and acceleration to begin with, shape (3, n).
+        limits: Limits that the velocities change at.
+        target: The velocities, shape (n,); rest where None [rad/s or m/s].
+        until: Instant at which it ends; when the last joint is there where None [s].
+    """
+    q, drift = state[0], np.zeros_like(state[0]) if target is None else target
+    braking = Braking.of(state[1] - drift, state[2], limits)
     ends = np.cumsum(braking.spans, axis=0)
     # Ends of phases that rounding alone tells apart are one.
     times = np.unique(np.round(ends.ravel(), 13))
     times = times[times > 0.0]
+    if until is not None:
+        times = np.append(times[times < until - 1e-12], until)
     if not len(times):
-        return stay(trajectory.joint_names, q)
-    breaks, pieces = np.concatenate([[0.0], times]), []
-    for begin, end in pairwise(breaks.tolist()):
-        pieces.append(_phase(braking, q, begin, 0.5 * (begin + end)))
-    return Trajectory(trajectory.joint_names, breaks, np.stack(pieces))
-
-
-def _phase(braking: Braking, q: Array, begin: float, within: float) -> Array:
-    """Coefficients (n, 4) from an instant on of the phases that another instant lies in."""
-    v, a, passed, place = braking.velocity, braking.acceleration, 0.0 * q, q
-    c = np.zeros((len(q), 4))
-    for phase, jerk in enumerate((-braking.jerk, 0.0 * braking.jerk, braking.jerk)):
-        span = braking.spans[phase]
-        x = begin - passed
-        here = (within > passed) & (within < passed + span)
-        now, rate = v + x * (a + 0.5 * x * jerk), a + x * jerk
-        way = x * (v + x * (0.5 * a + x * jerk / 6.0))
-        there = np.stack([place + braking.sign * way, *(braking.sign * np.stack(
-            [now, 0.5 * rate, jerk / 6.0]))], axis=1)  # fmt: skip
-        c[here] = there[here]
-        place = place + braking.sign * span * (v + span * (0.5 * a + span * jerk / 6.0))
-        v, a, passed = v + span * (a + 0.5 * span * jerk), a + span * jerk, passed + span
-    still = within >= passed
-    c[still, 0] = place[still]
-    return c
+        return stay(joint_names, q)
+    breaks = np.concatenate([[0.0], times])
+    begins = np.concatenate([np.zeros((1, len(q))), ends])
+    # What each phase begins with; the last one is rest.
+    rows = np.zeros((4, 4, len(q)))
+    place, v, a = np.zeros_like(q), braking.velocity, braking.acceleration
+    for phase, jerk in enumerate((-braking.jerk, np.zeros_like(q), braking.jerk)):
+        x = braking.spans[phase]
+        rows[phase] = place, v, 0.5 * a, jerk / 6.0
+        place = place + x * (v + x * (0.5 * a + x * jerk / 6.0))
+        v, a = v + x * (a + 0.5 * x * jerk), a + x * jerk
+    rows[3, 0] = place
+    within = 0.5 * (breaks[:-1] + breaks[1:])
+    phase_of = (within[:, None, None] >= ends).sum(axis=1)
+    joints = np.arange(len(q))
+    c0, c1, c2, c3 = np.moveaxis(rows[phase_of, :, joints], 2, 0)
+    x = breaks[:-1, None] - begins[phase_of, joints]
+    moved = np.stack(
+        [
+            c0 + x * (c1 + x * (c2 + x * c3)),
+            c1 + x * (2.0 * c2 + 3.0 * x * c3),
+            c2 + 3.0 * x * c3,
+            c3,
+        ],
+        axis=2,
+    )
+    c = braking.sign[:, None] * moved
+    c[..., 0] += q + breaks[:-1, None] * drift
+    c[..., 1] += drift
+    return Trajectory(tuple(joint_names), breaks, c)
