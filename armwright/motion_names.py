@@ -32,6 +32,12 @@ from planning.exports.options import ExportFormat as ExportFormat
 from planning.exports.options import ExportOptions as ExportOptions
 from planning.exports.swept_volume import SweptVolume as SweptVolume
 from planning.exports.swept_volume import swept_volume as swept_volume
+from planning.guard.gate import Guard as Guard
+from planning.guard.gate import Verdict as Verdict
+from planning.guard.proposals import SamplesProposal as SamplesProposal
+from planning.guard.proposals import TrajectoryProposal as TrajectoryProposal
+from planning.guard.proposals import TwistProposal as TwistProposal
+from planning.guard.proposals import VelocityProposal as VelocityProposal
 from planning.options import Options as Options
 from planning.problem import JointGoal as JointGoal
 from planning.problem import PoseGoal as PoseGoal

@@ -189,6 +189,10 @@ class Guard:
             raise InvalidOption(
                 f"latency is {latency} s", hint=f"Give a time from 0 to {_MAX_LATENCY:g} s."
             )
+        if elapsed is not None and not 0.0 <= elapsed < np.inf:
+            raise InvalidOption(
+                f"elapsed is {elapsed} s", hint="Give the time since the accepted motion began."
+            )
         self.count += 1
         begun, lead, faults = self._begin(state, latency, elapsed)
         if scene_hash is not None and scene_hash != self.scene.content_hash:

@@ -135,13 +135,12 @@ class SamplesProposal:
             for order, given in enumerate((self.positions, self.velocities, self.accelerations))
         ]
         assert rows[0] is not None
-        times = self.period * np.arange(len(rows[0]))
+        times: Array = self.period * np.arange(float(len(rows[0])))
         if self.interpolation.endswith("_spline"):
             end = 1 if self.interpolation == "clamped_spline" else 2
             still = np.zeros(chain.n)
             ends: Any = ((1, state[1]), (end, still))
-            made_by = CubicSpline(times, rows[0], bc_type=ends)
-            c: Array = np.moveaxis(made_by.c[::-1], 0, 2).astype(np.float64)
+            c = np.moveaxis(CubicSpline(times, rows[0], bc_type=ends).c[::-1], 0, 2)
             made = Trajectory(chain.joint_names, times, c)
         else:
             made = interpolate(chain.joint_names, times, rows[0], self.interpolation, *rows[1:])

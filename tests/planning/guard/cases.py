@@ -1,0 +1,150 @@
+"""Proposals of many kinds before the gate, and a judge of what it accepts: pinocchio and coal."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial.polynomial import polyval
+
+from kinematics.arrays import Array
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
+from planning.guard.gate import Verdict
+from planning.guard.proposals import (
+    Proposal,
+    SamplesProposal,
+    TrajectoryProposal,
+    VelocityProposal,
+    end_state,
+)
+from planning.stops.braking import BrakingLimits
+from planning.stops.certificate import Surroundings, certify_stops
+from planning.timing.jerk.state_to_state import JointState
+from planning.values.stop_kind import StopKinds
+from tests.planning.stops.judge import Brakes, CoalArm
+from tests.planning.stops.motions import Moved, motions
+
+#: Limits are exceeded by no more than this share of theirs.
+_SLACK = 1e-6
+
+
+class Case(NamedTuple):
+    """A proposal.
+
+    Args:
+        kind: "clean", "noise", "wander" or "aimed".
+        around: Robot, scene and limits of it.
+        state: State that it begins in.
+        proposal: The motion.
+    """
+
+    kind: str
+    around: Surroundings
+    state: JointState
+    proposal: Proposal
+
+
+def cases(name: str, count: int, *, jerk: bool = True, seed: int = 0) -> Iterator[Case]:
+    """Proposals for an arm, of all kinds in turn, four for each motion through a scene."""
+    random = np.random.default_rng([seed, *name.encode()])
+    made = 0
+    while made < count:
+        for moved in motions(name, -(-count // 4), 4.0, jerk=jerk):
+            for case in _of_motion(moved, random):
+                yield case
+                made += 1
+                if made == count:
+                    return
+
+
+def _of_motion(moved: Moved, random: np.random.Generator) -> Iterator[Case]:
+    motion, around = moved.trajectory, moved.around
+    n = motion.n
+    if certify_stops(motion, moved.certificate, around, "both").proved:
+        begin, end = np.sort(random.uniform(0.0, motion.duration, 2))
+        end = max(end, min(begin + 0.05, motion.duration))
+        piece = motion if begin == 0.0 else motion.split(begin)[1]
+        piece = piece if end >= motion.duration else piece.split(end - begin)[0]
+        yield Case(
+            "clean", around, JointState(*end_state(motion, begin)), TrajectoryProposal(piece)
+        )
+    begin = random.uniform(0.0, 0.8 * motion.duration)
+    times = np.linspace(begin, motion.duration, 9)[1:]
+    noisy = motion.sample(times) + random.normal(0.0, 10.0 ** random.uniform(-5.0, -2.0), (8, n))
+    period = (times[0] - begin) * random.choice([0.5, 1.0, 1.5])
+    state = JointState(*end_state(motion, begin))
+    yield Case("noise", around, state, SamplesProposal(noisy, period, "natural_spline"))
+    rates = random.normal(0.0, 1.0, n)
+    still = JointState(end_state(motion, begin)[0])
+    yield Case("wander", around, still, VelocityProposal(rates, random.uniform(0.05, 0.8)))
+    yield Case("aimed", around, state, _aimed(motion, begin, around, random))
+
+
+def _aimed(
+    motion: Trajectory, begin: float, around: Surroundings, random: np.random.Generator
+) -> Proposal:
+    """Targets on the way to a configuration that the arm can't be in."""
+    low, high = around.robot.chain.sampling_bounds()
+    q, goals = motion.sample([begin])[0], random.uniform(low, high, (50, motion.n))
+    hit = goals[~Checker.of(around.robot, around.scene).each_valid(goals)]
+    # The nearest of them: from where the arm moves it comes there soonest.
+    goal = (hit if len(hit) else goals)[np.abs((hit if len(hit) else goals) - q).max(1).argmin()]
+    seconds = np.abs(goal - q).max() / random.uniform(0.3, 2.0)
+    u = np.linspace(0.0, 1.0, 9)[1:, None]
+    positions = q + (goal - q) * (10.0 * u**3 - 15.0 * u**4 + 6.0 * u**5)
+    return SamplesProposal(positions, seconds / 8.0, "clamped_spline")
+
+
+def faults(
+    verdict: Verdict, case: Case, judge: CoalArm, kind: StopKinds, instants: int, stops: int
+) -> list[str]:
+    """Faults of an accepted motion when it is run, and stopped at many instants."""
+    if verdict.trajectory is None:
+        return []
+    parts = (verdict.trajectory, verdict.stop.trajectory)
+    found = [fault for part in parts for fault in _limit_faults(part, case.around, instants)]
+    # The stop begins where the motion ends.
+    joined = end_state(parts[1], 0.0)[:2] - end_state(parts[0])[:2]
+    if np.abs(joined).max() > 1e-8:
+        found.append(f"the stop begins {joined} off")
+    if np.abs(parts[1].sample([parts[1].duration], 1)).max() > 1e-8:
+        found.append("the stop does not end at rest")
+    if np.abs(end_state(parts[0], 0.0)[:2] - case.state.rows[:2]).max() > 1e-5:
+        found.append("the motion does not begin in the state")
+    found += [
+        "the motion overlaps"
+        for part in parts
+        if judge.overlaps(_positions(part, 0, instants)).any()
+    ]
+    if kind == "path":
+        return found
+    limits = case.around.robot.chain.limits
+    brakes = Brakes(BrakingLimits.of(limits, parts[0].joint_names, case.around.limits))
+    ways, _ = brakes.stops(parts[0], np.linspace(0.0, parts[0].duration, stops), 24)
+    rows = ways.reshape(-1, parts[0].n)
+    if judge.overlaps(rows).any():
+        found.append("a stop overlaps")
+    if (rows < limits.lower - _SLACK).any() or (rows > limits.upper + _SLACK).any():
+        found.append("a stop leaves a range")
+    return found
+
+
+def _limit_faults(motion: Trajectory, around: Surroundings, instants: int) -> Iterator[str]:
+    limits, bounds = around.robot.chain.limits, around.limits.bounds
+    q = _positions(motion, 0, instants)
+    if (q < limits.lower - _SLACK).any() or (q > limits.upper + _SLACK).any():
+        yield "a range is left"
+    for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
+        most = np.asarray(bounds[name]) * (1.0 + _SLACK) + _SLACK
+        if (np.abs(_positions(motion, order, instants)) > most).any():
+            yield f"{name} is exceeded"
+
+
+def _positions(motion: Trajectory, order: int, instants: int) -> Array:
+    """Values of a derivative at even instants (instants, n), by numpy's own polynomials."""
+    rows = []
+    for t in np.linspace(0.0, motion.duration, instants):
+        i = min(int(np.searchsorted(motion.breaks, t, side="right")) - 1, motion.pieces - 1)
+        c = np.polynomial.polynomial.polyder(motion.coefficients[i], order, axis=1)
+        rows.append(polyval(t - motion.breaks[i], c.T))
+    return np.array(rows)
