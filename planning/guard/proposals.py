@@ -16,7 +16,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain
 from kinematics.trajectory.interpolation import INTERPOLATIONS, interpolate
-from kinematics.trajectory.trajectory import MAX_DEGREE, Trajectory, concatenate
+from kinematics.trajectory.trajectory import Trajectory, concatenate
 from kinematics.velocity import joint_velocities
 from planning.stops.braking import BrakingLimits
 from planning.stops.stop_family import braking_motion, taylor
@@ -26,6 +26,8 @@ _TWIST_STEP = 0.02
 #: The longest proposal [s], and how many samples one may have.
 MAX_DURATION = 60.0
 MAX_SAMPLES = 2_000
+#: Degree of pieces that requests may have.
+_MOST_DEGREE = 15
 #: Velocities that are at rest [rad/s or m/s].
 AT_REST = 1e-9
 
@@ -228,17 +230,19 @@ def slowed(motion: Trajectory, limits: BrakingLimits, scale: float) -> Trajector
     less = 1.0 - scale
     span = float(np.max(3.0 * less * fastest / limits.acceleration))
     span = max(span, float(np.max(np.sqrt(12.0 * less * fastest / limits.jerk))))
-    # The motion's own time s = t - less (u^3 - u^4 / 2) span with u = t / span.
-    passed = span * (1.0 - 0.5 * less)
-    if passed >= motion.duration or 4 * motion.degree > MAX_DEGREE:
+    # The motion's own time is s = t - less (u^3 - u^4 / 2) span with u = t / span; of polynomials
+    # whose degree that would take too high s = t - less u^2 span / 2, whose acceleration jumps.
+    passed, order = span * (1.0 - 0.5 * less), 4 if 4 * motion.degree <= _MOST_DEGREE else 2
+    if passed >= motion.duration or order * motion.degree > _MOST_DEGREE:
         raise InvalidOption(f"the proposal is over before it could run at {scale:.3g} of its speed")
     head, tail = motion.split(passed)
-    ramp = np.array([0.0, 1.0, 0.0, -less / span**2, 0.5 * less / span**3])
-    return concatenate([_run_by(head, ramp, span), tail.dilate(1.0 / scale)])
+    clock = np.array([0.0, 1.0, 0.0, -less / span**2, 0.5 * less / span**3])
+    clock = clock if order == 4 else np.array([0.0, 1.0, -0.5 * less / span, 0.0])
+    return concatenate([_run_by(head, clock, span), tail.dilate(1.0 / scale)])
 
 
 def _run_by(motion: Trajectory, clock: Array, span: float) -> Trajectory:
-    """A motion q(s(t)), 0 <= t <= span, with s of the coefficients (5,) and its whole duration."""
+    """A motion q(s(t)), 0 <= t <= span, with s of the coefficients (k,) and its whole duration."""
     breaks = [0.0]
     for instant in motion.breaks[1:-1].tolist():
         low, high = breaks[-1], span
@@ -252,13 +256,13 @@ def _run_by(motion: Trajectory, clock: Array, span: float) -> Trajectory:
     clocks = taylor(np.tile(clock, (len(begins), 1, 1)), begins)[:, 0]
     c = taylor(motion.coefficients, clocks[:, 0] - motion.breaks[:-1])
     clocks[:, 0] = 0.0
-    pieces = np.zeros((*c.shape[:2], 4 * (c.shape[2] - 1) + 1))
+    pieces = np.zeros((*c.shape[:2], (len(clock) - 1) * (c.shape[2] - 1) + 1))
     for i, own in enumerate(clocks):
         power = np.ones(1)
         for k in range(c.shape[2]):
             pieces[i, :, : len(power)] += c[i, :, k : k + 1] * power
             power = np.convolve(power, own)
-    return Trajectory(motion.joint_names, np.array(breaks), pieces[..., : MAX_DEGREE + 1])
+    return Trajectory(motion.joint_names, np.array(breaks), pieces[..., : _MOST_DEGREE + 1])
 
 
 def _check_duration(duration: float) -> None:
