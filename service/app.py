@@ -13,6 +13,7 @@ from service.access.authentication import Authenticator
 from service.endpoints import routes, scenes, tools
 from service.endpoints.batch import route as batch
 from service.endpoints.dynamics import route as dynamics
+from service.endpoints.guard import route as guard
 from service.endpoints.health import route as health
 from service.endpoints.jobs import route as jobs
 from service.endpoints.kinematics import route as kinematics
@@ -61,6 +62,7 @@ _ROUTERS = (
     scenes.router,
     tools.router,
     plan.router,
+    guard.router,
     sequence.router,
     *routes.ROUTERS,
     plans.router,
@@ -149,6 +151,7 @@ def create_app(
     )
     app.state.settings = chosen
     app.state.stopping = False
+    app.state.guarded = set()
     app.state.defer = defer
     app.state.metrics = Metrics(app)
     app.state.audit_account = AuditAccount()

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from service.endpoints.identification.task import calibrate as calibrate
     from service.endpoints.identification.task import excitation as excitation
     from service.endpoints.identification.task import identify as identify
+    from service.endpoints.guard.task import guard as guard
+    from service.endpoints.guard.task import guard_message as guard_message
     from service.endpoints.ik.task import ik as ik
     from service.endpoints.kinematics import task as kinematics_tasks
     from service.endpoints.kinematics.task import convert_pose as convert_pose
@@ -80,6 +82,8 @@ else:
     calibrate = TaskReference("service.endpoints.identification.task:calibrate", GRACE)
     excitation = TaskReference("service.endpoints.identification.task:excitation", GRACE)
     identify = TaskReference("service.endpoints.identification.task:identify")
+    guard = TaskReference("service.endpoints.guard.task:guard", GRACE)
+    guard_message = TaskReference("service.endpoints.guard.task:guard_message", GRACE)
     ik = TaskReference("service.endpoints.ik.task:ik", GRACE)
     fk = TaskReference("service.endpoints.kinematics.task:fk")
     jacobian = TaskReference("service.endpoints.kinematics.task:jacobian")

@@ -190,6 +190,36 @@ async def answer_at_once(
     raise _replaced_meanwhile()
 
 
+async def references(
+    request: Request, robot_name: str, scene_source: str | Scene | None, asked: Asked
+) -> tuple[Reference, Reference | None]:
+    """References of a robot, with the tool that it works with, and of a stored scene.
+
+    Raises:
+        ProblemError: NOT_FOUND.
+    """
+    scene_name = scene_source if isinstance(scene_source, str) else None
+    found, around = await _look_up(request, ("robot", robot_name), ("scene", scene_name))
+    assert found is not None
+    return replace(found, mount=await tool_mount(request, asked)), around
+
+
+async def result_at_once(request: Request, job: Job[_R | TaskProblem | CacheMiss]) -> _R:
+    """The result of a job that takes some milliseconds, whatever else is being computed.
+
+    Raises:
+        ProblemError: What the task refused; all of `compute_at_once`.
+    """
+    for _ in range(_ATTEMPTS):
+        result = await compute_at_once(request, job)
+        if isinstance(result, TaskProblem):
+            raise from_fields(result.code, result.message, result.hint, result.details)
+        if not isinstance(result, CacheMiss):
+            return result
+        await _prepare(request, result.reference)
+    raise _replaced_meanwhile()
+
+
 class RobotRequest(Protocol):
     """Fields of a request that may be about a robot, which the server itself reads."""
 

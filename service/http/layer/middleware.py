@@ -123,6 +123,9 @@ class ServiceMiddleware:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request under an id, count it and log it."""
+        if scope["type"] == "websocket":
+            await self._open_socket(scope, receive, send)
+            return
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -157,6 +160,20 @@ class ServiceMiddleware:
             _log_request(scope, route, status, seconds)
             logs.job_id.reset(job_token)
             logs.request_id.reset(request_token)
+
+    async def _open_socket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Have a WebSocket served that passes all checks; refuse others with a problem document."""
+        scope["method"], scope[_ADDED] = "POST", []
+        try:
+            self._check_head(scope)
+            await self._check_access(scope)
+            self._take_rate(scope)
+        except ProblemError as error:
+            response = response_to(error, scope, started=False)
+            assert response is not None
+            await response(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
 
     async def _answer_checked(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request that passes all checks, and others with a problem document."""

@@ -1,0 +1,1 @@
+"""The gate for motions that others make: at once, and in sessions over a WebSocket."""

@@ -1,0 +1,104 @@
+"""The gate for motions that others make."""
+
+import asyncio
+import json
+import uuid
+from typing import Any, cast
+
+from fastapi import Request, Response, WebSocket, WebSocketDisconnect
+from pydantic_core import to_json
+
+from armwright_wire.plans.guard import GuardAnswer, GuardOpening, GuardRequest
+from kinematics.errors import ArmwrightError
+from service.access.caller import caller_of
+from service.endpoints.guard.session import GuardSession
+from service.http import answers
+from service.http.errors import document, from_domain
+from service.http.json_route import json_router
+from service.problem import ProblemError
+from service.task_references import guard as guard_task
+from service.validation import parse_json, validate_as
+
+router = json_router("planning")
+
+#: Codes of closing (RFC 6455): a policy is not kept, the service ends.
+_REFUSED, _GOING = 1008, 1001
+#: Time in which the first message has to come, and the longest silence after it [s].
+_FIRST, _SILENCE = 10.0, 600.0
+
+
+@router.post("/guard", summary="Prove a proposal and its stop", response_model=GuardAnswer)
+async def guard(body: GuardRequest, request: Request) -> Response:
+    """How much of somebody's motion is proved, at what speed, together with the stop behind it.
+
+    Where nothing is, `accepted_until` is 0, and `stop` is that from the state itself.
+    """
+    return await answers.respond(request, guard_task.job, body.robot, body)
+
+
+@router.websocket("/guard")
+async def guard_session(socket: WebSocket) -> None:
+    """A session of one arm: an opening, then proposals and changes of the scene, each answered."""
+    await socket.accept()
+    guarded: set[tuple[str, str]] = socket.app.state.guarded
+    held: tuple[str, str] | None = None
+    try:
+        opening, first = _split(await asyncio.wait_for(socket.receive_text(), _FIRST))
+        body = validate_as(GuardOpening, opening)
+        if body.arm is not None:
+            wanted = caller_of(socket.scope).tenant, body.arm
+            if wanted in guarded:
+                raise ProblemError(
+                    "CONFLICT",
+                    f"another session guards the arm {body.arm!r}",
+                    stage="guard",
+                    hint="Close that one first.",
+                )
+            guarded.add(wanted)
+            held = wanted
+        request = cast(Request, socket)
+        session = await GuardSession.open(request, body, to_json(opening), uuid.uuid4().hex)
+        ready = await session.answer(b"")
+        await socket.send_text((await _told(session, to_json(first)) if first else ready).decode())
+        while True:
+            message = await asyncio.wait_for(socket.receive_text(), _SILENCE)
+            await socket.send_text((await _told(session, message.encode())).decode())
+    except WebSocketDisconnect:
+        pass
+    except (ProblemError, ArmwrightError) as error:
+        await socket.send_text(_problem(error).decode())
+        await socket.close(_REFUSED)
+    except TimeoutError:
+        await socket.close(_GOING, "nothing was proposed for too long")
+    finally:
+        if held is not None:
+            guarded.discard(held)
+
+
+async def _told(session: GuardSession, message: bytes) -> bytes:
+    """The answer to a message, or the problem with it: the session goes on."""
+    try:
+        return await session.answer(message)
+    except (ProblemError, ArmwrightError) as error:
+        return _problem(error)
+
+
+def _split(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The first message as an opening, and as the proposal that may come with it."""
+    message = parse_json(text.encode())
+    if not isinstance(message, dict):
+        raise ProblemError(
+            "VALIDATION_ERROR",
+            "the first message is no JSON object",
+            stage="request",
+            hint="Send robot, scene and stop first.",
+        )
+    known = GuardOpening.model_fields
+    step = {"state", "proposal", "latency", "scene_hash", "exact"}
+    opening = {name: value for name, value in message.items() if name in known or name not in step}
+    return opening, {name: value for name, value in message.items() if name not in opening}
+
+
+def _problem(error: ProblemError | ArmwrightError) -> bytes:
+    problem = from_domain(error) if isinstance(error, ArmwrightError) else error
+    return json.dumps(document(problem, "/v1/guard"), ensure_ascii=False).encode()
