@@ -92,6 +92,7 @@ from armwright_client.errors import UnrecognizedGoalType as UnrecognizedGoalType
 from armwright_client.errors import UnsupportedMediaType as UnsupportedMediaType
 from armwright_client.errors import ValidationFailed as ValidationFailed
 from armwright_client.errors import WorkerCrashed as WorkerCrashed
+from armwright_client.guard import Guard as Guard
 from armwright_client.job import Job as Job
 from armwright_client.job import JobEvent as JobEvent
 from armwright_client.job import JobList as JobList
@@ -108,6 +109,7 @@ from armwright_client.options.arm_options import VelocityOptions as VelocityOpti
 from armwright_client.options.arm_options import WrenchOptions as WrenchOptions
 from armwright_client.options.plan_options import CheckOptions as CheckOptions
 from armwright_client.options.plan_options import ExportOptions as ExportOptions
+from armwright_client.options.plan_options import GuardOptions as GuardOptions
 from armwright_client.options.plan_options import LyapunovOptions as LyapunovOptions
 from armwright_client.options.plan_options import PlanOptions as PlanOptions
 from armwright_client.options.plan_options import SimulateOptions as SimulateOptions
@@ -207,6 +209,17 @@ from armwright_wire.motions.trajectory import Segment as Segment
 from armwright_wire.plans.batch import BatchAnswer as BatchAnswer
 from armwright_wire.plans.batch import BatchRequest as BatchRequest
 from armwright_wire.plans.batch import PartialPlan
+from armwright_wire.plans.guard import GuardAnswer
+from armwright_wire.plans.guard import GuardChange as GuardChange
+from armwright_wire.plans.guard import GuardOpening as GuardOpening
+from armwright_wire.plans.guard import GuardReady as GuardReady
+from armwright_wire.plans.guard import GuardRequest as GuardRequest
+from armwright_wire.plans.guard import GuardState as GuardState
+from armwright_wire.plans.guard import GuardStep as GuardStep
+from armwright_wire.plans.guard import GuardStop as GuardStop
+from armwright_wire.plans.guard import GuardViolation as GuardViolation
+from armwright_wire.plans.guard import Proposal as Proposal
+from armwright_wire.plans.guard import SceneChange as SceneChange
 from armwright_wire.plans.job import Problem as Problem
 from armwright_wire.plans.kept_plan import Bundle as Bundle
 from armwright_wire.plans.kept_plan import DocumentName as DocumentName
@@ -401,6 +414,7 @@ Fitted = FitAnswer
 FoundParameter = FoundParameterAnswer
 Gradient = GradientOptions
 Identification = IdentifyAnswer
+GuardVerdict = GuardAnswer
 Improvement = ImprovementAnswer
 JointPath = PathAnswer
 JointState = JointStateBody

@@ -203,7 +203,7 @@ def _method(build: Callable[..., Any], action: str, awaited: bool) -> Callable[.
         try:
             call = build(group, *args, **kwargs)
         except ValidationError as error:
-            raise InvalidArgument(_refusal(error)) from error
+            raise InvalidArgument(refusal(error)) from error
         return getattr(group._sender, action)(call)
 
     method.__signature__ = _signature(build, awaited, action)  # type: ignore[attr-defined]
@@ -223,7 +223,8 @@ def _signature(build: Callable[..., Any], awaited: bool, action: str) -> Signatu
     return shown.replace(return_annotation=answer)
 
 
-def _refusal(error: ValidationError) -> str:
+def refusal(error: ValidationError) -> str:
+    """The faults of a request that does not follow its model, in a sentence."""
     errors = error.errors(include_url=False, include_input=False, include_context=False)
     shown = errors[:_MAX_ERRORS]
     sentences = [f"{'.'.join(str(step) for step in e['loc'])}: {e['msg']}" for e in shown]

@@ -21,6 +21,7 @@ from armwright_client.job import Job, JobList
 from armwright_client.options.plan_options import (
     CheckOptions,
     ExportOptions,
+    GuardOptions,
     LyapunovOptions,
     PlanOptions,
     SimulateOptions,
@@ -50,6 +51,7 @@ from armwright_wire.motions.trajectory import TrajectoryAnswer as TimedTrajector
 from armwright_wire.motions.trajectory import TrajectoryBody as Trajectory
 from armwright_wire.plans.batch import BatchAnswer, BatchRequest, as_part
 from armwright_wire.plans.batch import PartialPlan as BatchProblem
+from armwright_wire.plans.guard import GuardAnswer, GuardRequest, GuardState, Proposal
 from armwright_wire.plans.kept_plan import (
     Bundle,
     KeptPlan,
@@ -387,6 +389,23 @@ class ServiceEndpoints:
         """The proof that a motion is valid, or its first violation; see `ValidateOptions`."""
         body = ValidateRequest.of(robot=robot, trajectory=trajectory, **options)
         return Call("POST", path("validate"), Certificate.read, body, deadline=body.timeout)
+
+    @Endpoint
+    def guard(
+        self,
+        robot: str,
+        positions: VectorLike | GuardState,
+        proposal: Proposal,
+        latency: float = 0.0,
+        **options: Unpack[GuardOptions],
+    ) -> Call[GuardAnswer]:
+        """How much of a proposal is proved, with the stop behind it; `Guard` is for many."""
+        given = isinstance(positions, GuardState)
+        state = positions if given else GuardState.of(positions=positions)
+        body = GuardRequest.of(
+            robot=robot, state=state, proposal=proposal, latency=latency, **options
+        )
+        return Call("POST", path("guard"), GuardAnswer.read, body, deadline=body.timeout)
 
     @Endpoint
     def export(

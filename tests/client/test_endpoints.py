@@ -46,6 +46,10 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
       "problems": [{"goal": {"joints": [1.0]}}]}),
     ("validate", lambda c: c.validate("r", MOTION, tool_speed=0.5), "POST", "/v1/validate",
      {"robot": "r", "trajectory": SENT_MOTION, "tool_speed": 0.5}),
+    ("guard", lambda c: c.guard("r", [0.0], ours.Proposal(joint_velocities=[1], duration=0.1), 0.01,
+                                stop="joints"), "POST", "/v1/guard",
+     {"robot": "r", "state": {"positions": [0.0]}, "latency": 0.01, "stop": "joints",
+      "proposal": {"joint_velocities": [1.0], "duration": 0.1}}),
     ("plan_tour", lambda c: c.plan_tour(
         "r", [POSE, [1.0], ours.TourGoal(id="z", state="home", dwell=1.0)], end="start",
         precedence=[("0", "z")], rounds=2, timeout=3.0), "POST", "/v1/tours",

@@ -13,7 +13,7 @@ from armwright_client.options import arm_options, plan_options
 from armwright_client.robots import robot as uploads
 from armwright_wire.base import Body
 from armwright_wire.motions import excitation, export, simulation
-from armwright_wire.plans import plan, task, tour
+from armwright_wire.plans import guard, plan, task, tour
 from armwright_wire.plans.plan import PLANNERS as ALL
 from armwright_wire.plans.plan import OmplPlanner
 from armwright_wire.robots import (
@@ -90,6 +90,11 @@ OPTIONS: list[tuple[type, type[Body], set[str]]] = [
     (plan_options.CheckOptions, check.CheckRequest, {"robot", "joints"}),
     (plan_options.PlanOptions, plan.PlanRequest, {"robot", "start", "goal"}),
     (plan_options.ValidateOptions, plan.ValidateRequest, {"robot", "trajectory"}),
+    (
+        plan_options.GuardOptions,
+        guard.GuardRequest,
+        {"robot", "state", "proposal", "latency", "scene_hash", "exact"},
+    ),
     (plan_options.ExportOptions, export.ExportRequest, {"robot", "trajectory", "format"}),
     (
         plan_options.SimulateOptions,

@@ -96,6 +96,26 @@ class ValidateOptions(SceneOptions, total=False):
     keep: bool
 
 
+class GuardOptions(SceneOptions, total=False):
+    """Options of the gate: how the arm stops, and what its motions keep to.
+
+    Args:
+        fingers: Positions of joints of the gripper meanwhile [rad or m].
+        margin: Distance to be kept [m].
+        limits: Limits in place of the robot's.
+        stop: Stops of the arm: "path", "joints" or "both".
+        tracking: Distance of a state from the motion that the arm has, at most [rad or m].
+        arm: Name of the arm itself, which one session at a time may guard.
+    """
+
+    fingers: FingerPositions
+    margin: float
+    limits: LimitsBody
+    stop: Literal["path", "joints", "both"]
+    tracking: float
+    arm: str
+
+
 class ExportOptions(SceneOptions, total=False):
     """Options of an export: points and program.
 

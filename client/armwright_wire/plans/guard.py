@@ -24,7 +24,7 @@ from armwright_wire.base import (
 )
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
-from armwright_wire.pose import Pose
+from armwright_wire.plans.task import MovedObject
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
 from armwright_wire.scenes.scene import Obstacle, SceneReference
 from armwright_wire.scenes.tool import WithTool
@@ -161,8 +161,8 @@ class SceneChange(Body):
     add: Annotated[list[Obstacle], Field(max_length=_MAX_CHANGES)] | None = Field(
         None, description="obstacles, in the root frame"
     )
-    move: Annotated[dict[str, Pose], Field(max_length=_MAX_CHANGES)] | None = Field(
-        None, description="poses of obstacles by name, in the root frame"
+    move: Annotated[list[MovedObject], Field(max_length=_MAX_CHANGES)] | None = Field(
+        None, description="obstacles that stand elsewhere"
     )
     remove: Annotated[list[Label], Field(max_length=_MAX_CHANGES)] | None = Field(
         None, description="names of obstacles that are gone"

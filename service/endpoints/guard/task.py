@@ -138,7 +138,7 @@ def _message(content: bytes) -> GuardStep | GuardChange:
 def _change(gate: Guard, change: SceneChange) -> Certificate | None:
     """Change the scene of a gate; the proof of what is left of its motion."""
     added = () if change.add is None else poses.scene(SceneBody(obstacles=change.add)).obstacles
-    moved = {name: poses.transform(pose) for name, pose in (change.move or {}).items()}
+    moved = {one.id: poses.transform(one.pose) for one in change.move or ()}
     return gate.change(add=added, move=moved, remove=change.remove or (), elapsed=change.elapsed)
 
 

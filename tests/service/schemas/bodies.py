@@ -11,6 +11,7 @@ from armwright_wire.motions.paths import FitRequest, SimplifyRequest
 from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
 from armwright_wire.motions.simulation import SimulateRequest
 from armwright_wire.plans.batch import BatchRequest
+from armwright_wire.plans.guard import GuardChange, GuardRequest
 from armwright_wire.plans.kept_plan import Bundle, ReplayRequest, StopRequest
 from armwright_wire.plans.plan import PlanRequest, ValidateRequest
 from armwright_wire.plans.task import TaskRequest
@@ -510,6 +511,23 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "constraints": CONSTRAINTS[:1], "margin": 0.01, "collisions": "ignore",
         "tool_motions": TOOL_MOTIONS, "torque_limits": True, "payload": PAYLOAD, "tool_speed": 0.5,
         "stops": "joints", "witness": True, "timeout": 5.0}),
+    (GuardRequest, ABOUT | {
+        "robot": "panda", "scene": SMALL_SCENE, "frame": "base", "fingers": {"claw": 0.01},
+        "margin": 0.01, "limits": LIMITS, "stop": "both", "tracking": 0.1, "arm": "left",
+        "timeout": 5.0, "latency": 0.02, "scene_hash": "0" * 64, "exact": True,
+        "state": {"positions": [0.0, 0.1], "velocities": [0.1, 0.2], "accelerations": [0.0, 0.1],
+                  "elapsed": 0.1},
+        "proposal": {"samples": [[0.0, 0.1]], "velocities": [[0.1, 0.2]],
+                     "accelerations": [[0.0, 0.1]], "period": 0.1, "interpolation": "quintic"}}),
+    (GuardRequest, {"robot": "panda", "state": {"positions": [0.0, 0.1]},
+                    "proposal": {"trajectory": SAMPLES}}),
+    (GuardChange, {"change": {"add": SMALL_SCENE["obstacles"], "remove": ["ball"],
+                              "move": [{"id": "box", "pose": POSE}], "elapsed": 0.1}}),
+    (GuardRequest, {"robot": "panda", "state": {"positions": [0.0, 0.1]},
+                    "proposal": {"joint_velocities": [0.1, 0.2], "duration": 0.1}}),
+    (GuardRequest, {"robot": "panda", "state": {"positions": [0.0, 0.1]},
+                    "proposal": {"twist": [0.1, 0, 0, 0, 0, 0.2], "duration": 0.1,
+                                 "link": "hand"}}),
     (RetimeRequest, MOUNTED | {
         "path": {"joints": [[0.0, 0.1], [0.2, 0.3]], "knots": [0.0, 1.0],
                  "joint_names": ["a", "b"], "tolerance": 1e-3},
