@@ -77,7 +77,9 @@ def _of_motion(moved: Moved, random: np.random.Generator) -> Iterator[Case]:
     rates = random.normal(0.0, 1.0, n)
     still = JointState(end_state(motion, begin)[0])
     yield Case("wander", around, still, VelocityProposal(rates, random.uniform(0.05, 0.8)))
-    yield Case("aimed", around, state, _aimed(motion, begin, around, random))
+    # A moving arm would have to turn round at once as a rule.
+    aimed = still if random.random() < 0.75 else state
+    yield Case("aimed", around, aimed, _aimed(motion, begin, around, random))
 
 
 def _aimed(
