@@ -419,14 +419,17 @@ class _Attempt:
                 faults.append(Violation("start", 0.0, message, details))
         return faults
 
-    def _with_stop(self, motion: Trajectory) -> Trajectory:
-        """A motion with what leads to it, and every joint braking at its end."""
+    def _rest(self, motion: Trajectory) -> Trajectory:
+        """The stop behind a motion: every joint braking at its end."""
         end = end_state(motion)
-        parts = [] if self._lead is None else [self._lead]
-        parts.append(motion)
-        if np.abs(end[1]).max() > AT_REST:
-            parts.append(braking_motion(self._chain.joint_names, end, self._guard.braking))
-        return concatenate(parts)
+        if np.abs(end[1]).max() <= AT_REST:
+            return stay(motion.joint_names, end[0])
+        return braking_motion(motion.joint_names, end, self._guard.braking)
+
+    def _with_stop(self, motion: Trajectory) -> Trajectory:
+        """A motion with what leads to it, and the stop behind it."""
+        lead = [] if self._lead is None else [self._lead]
+        return concatenate([*lead, motion, self._rest(motion)])
 
     def _accept(
         self, motion: Trajectory, whole: Trajectory, scale: float
@@ -442,7 +445,7 @@ class _Attempt:
         if not stops.proved:
             details = {"pair": list(stops.worst.pair or ()), "after": stops.worst.after}
             return None, [Violation("stop", stops.worst.time, stops.message, details)]
-        stop = GuardStop(rest_of(run, motion.duration), proof, stops, guard.count)
+        stop = GuardStop(self._rest(motion), proof, stops, guard.count)
         guard.running = Running(run, stop)
         notes = tuple(self._notes)
         return Verdict(motion.duration, scale, motion, stop, notes=notes), []

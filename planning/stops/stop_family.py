@@ -4,12 +4,15 @@ Enclosed on cells of both times. At one tau the joints' ways while braking grow 
 acceleration at the begin (``braking``), whose intervals are those of the trajectory's polynomials.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled.kernel import direct, kernel
 from kinematics.arrays import Array, Indices
 from kinematics.trajectory.trajectory import Trajectory, stay
 from planning.stops.braking import Braking, BrakingLimits
@@ -233,42 +236,85 @@ def braking_motion(
         target: The velocities, shape (n,); rest where None [rad/s or m/s].
         until: Instant at which it ends; when the last joint is there where None [s].
     """
-    q, drift = state[0], np.zeros_like(state[0]) if target is None else target
-    braking = Braking.of(state[1] - drift, state[2], limits)
-    ends = np.cumsum(braking.spans, axis=0)
-    # Ends of phases that rounding alone tells apart are one.
-    times = np.unique(np.round(ends.ravel(), 13))
-    times = times[times > 0.0]
-    if until is not None:
-        times = np.append(times[times < until - 1e-12], until)
-    if not len(times):
-        return stay(joint_names, q)
-    breaks = np.concatenate([[0.0], times])
-    begins = np.concatenate([np.zeros((1, len(q))), ends])
-    # What each phase begins with; the last one is rest.
-    rows = np.zeros((4, 4, len(q)))
-    place, v, a = np.zeros_like(q), braking.velocity, braking.acceleration
-    for phase, jerk in enumerate((-braking.jerk, np.zeros_like(q), braking.jerk)):
-        x = braking.spans[phase]
-        rows[phase] = place, v, 0.5 * a, jerk / 6.0
-        place = place + x * (v + x * (0.5 * a + x * jerk / 6.0))
-        v, a = v + x * (a + 0.5 * x * jerk), a + x * jerk
-    rows[3, 0] = place
-    within = 0.5 * (breaks[:-1] + breaks[1:])
-    phase_of = (within[:, None, None] >= ends).sum(axis=1)
-    joints = np.arange(len(q))
-    c0, c1, c2, c3 = np.moveaxis(rows[phase_of, :, joints], 2, 0)
-    x = breaks[:-1, None] - begins[phase_of, joints]
-    moved = np.stack(
-        [
-            c0 + x * (c1 + x * (c2 + x * c3)),
-            c1 + x * (2.0 * c2 + 3.0 * x * c3),
-            c2 + 3.0 * x * c3,
-            c3,
-        ],
-        axis=2,
-    )
-    c = braking.sign[:, None] * moved
-    c[..., 0] += q + breaks[:-1, None] * drift
-    c[..., 1] += drift
-    return Trajectory(tuple(joint_names), breaks, c)
+    rows = np.ascontiguousarray(state, np.float64)
+    drift = np.zeros_like(rows[0]) if target is None else np.ascontiguousarray(target, np.float64)
+    ends = np.inf if until is None else float(until)
+    breaks, c = _braking_kernel()(rows, np.stack(limits), drift, ends)
+    return Trajectory(tuple(joint_names), breaks, c) if len(c) else stay(joint_names, rows[0])
+
+
+@cache
+def _braking_kernel() -> Callable[[Array, Array, Array, float], tuple[Array, Array]]:
+    """``braking_kernel`` without the look at its arguments' types."""
+    table = np.zeros((1, 1))
+    return direct(braking_kernel, table, table, np.zeros(1), 0.0)
+
+
+@kernel
+def braking_kernel(state: Array, limits: Array, target: Array, until: float) -> tuple[Array, Array]:
+    """Breaks and coefficients (m, n, 4) of ``braking_motion``, none where all is there already.
+
+    Each joint brakes as ``braking.Braking`` has it, seen from its target.
+    """
+    n = state.shape[1]
+    # What phases begin with (signed), their ends, and at last rest.
+    rows, ends, times = np.zeros((n, 4, 4)), np.zeros((n, 3)), np.empty(3 * n + 1)
+    for j in range(n):
+        _write_phases(state[1, j] - target[j], state[2, j], limits[0, j], limits[1, j],
+                      rows[j], ends[j])  # fmt: skip
+        times[3 * j : 3 * j + 3] = ends[j]
+    times[3 * n] = until if until < np.inf else 0.0
+    times.sort()
+    breaks, count = np.zeros(3 * n + 2), 0
+    for time in times:
+        # Ends of phases that rounding alone tells apart are one.
+        if time > breaks[count] + 1e-12 and time <= until:
+            count += 1
+            breaks[count] = time
+    if until < np.inf:
+        breaks[count] = until
+    c = np.zeros((count, n, 4))
+    for i in range(count):
+        within = 0.5 * (breaks[i] + breaks[i + 1])
+        for j in range(n):
+            phase = 0
+            while phase < 3 and within >= ends[j, phase]:
+                phase += 1
+            x = breaks[i] - (ends[j, phase - 1] if phase > 0 else 0.0)
+            c0, c1, c2, c3 = rows[j, phase]
+            c[i, j, 0] = c0 + x * (c1 + x * (c2 + x * c3)) + state[0, j] + breaks[i] * target[j]
+            c[i, j, 1] = c1 + x * (2.0 * c2 + 3.0 * x * c3) + target[j]
+            c[i, j, 2] = c2 + 3.0 * x * c3
+            c[i, j, 3] = c3
+    return breaks[: count + 1], c
+
+
+@kernel(allocates=False, inline="code")
+def _write_phases(
+    velocity: float, acceleration: float, limit: float, jerk: float, rows: Array, ends: Array
+) -> None:
+    """Write coefficients at the begin of each phase of a joint's braking, and when they end."""
+    jumps = np.isinf(jerk)
+    J, a = (1.0, 0.0) if jumps else (jerk, acceleration)
+    sign = 1.0 if velocity + a * abs(a) / (2.0 * J) >= 0.0 else -1.0
+    v, a = sign * velocity, sign * a
+    spans = 0.0, v / limit, 0.0
+    if jumps:
+        a, J = -limit, 0.0
+    else:
+        # More than the limit is not built up, but where it is there it is held.
+        most = max(limit, -a)
+        peak = max(min(math.sqrt(max(J * v + 0.5 * a * a, 0.0)), most), -a, 0.0)
+        left = v + (0.5 * a * a - peak * peak) / J
+        held = left / peak if peak >= most and peak > 0.0 else 0.0
+        spans = max((a + peak) / J, 0.0), max(held, 0.0), max(peak / J, 0.0)
+    place, passed = 0.0, 0.0
+    for phase in range(3):
+        slope, x = (phase - 1) * J, spans[phase]
+        rows[phase, 0], rows[phase, 1] = sign * place, sign * v
+        rows[phase, 2], rows[phase, 3] = sign * 0.5 * a, sign * slope / 6.0
+        place += x * (v + x * (0.5 * a + x * slope / 6.0))
+        v, a = v + x * (a + 0.5 * x * slope), a + x * slope
+        passed += x
+        ends[phase] = passed
+    rows[3, 0] = sign * place
