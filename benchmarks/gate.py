@@ -48,20 +48,21 @@ def main() -> None:
     given = parser.parse_args()
     if given.judge:
         for name in given.arms:
-            _judge(name, "path", given)
-            _judge(name, "joints", given)
+            for jerk in (True, False):
+                _judge(name, "path", given, jerk=jerk)
+                _judge(name, "joints", given, jerk=jerk)
         return
     _measure("path")
     _measure("joints")
     _measure_session()
 
 
-def _judge(name: str, kind: StopKinds, given: argparse.Namespace) -> None:
+def _judge(name: str, kind: StopKinds, given: argparse.Namespace, *, jerk: bool) -> None:
     """Judge a share of the proposals: those of one arm and one kind of stop."""
-    count = -(-given.judge // (2 * len(given.arms)))
+    count = -(-given.judge // (4 * len(given.arms)))
     counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
-        for case in cases(name, count, jerk=kind == "path", seed=given.seed):
+        for case in cases(name, count, jerk=jerk, seed=given.seed):
             around = case.around
             guard = Guard(around.robot, around.scene, kind, limits=around.limits)
             verdict = guard.propose(case.state, case.proposal)
@@ -74,7 +75,11 @@ def _judge(name: str, kind: StopKinds, given: argparse.Namespace) -> None:
             for fault in faults(verdict, case, arm, kind, given.instants, given.instants // 20):
                 counts["FAULTS"] += 1
                 print(f"  {name} {kind} {case.kind} {counts[case.kind]}: {fault}")
-    print(f"{name} {kind}:", dict(sorted(counts.items())), flush=True)
+    print(
+        f"{name}, {kind}, jerk {'limited' if jerk else 'free'}:",
+        dict(sorted(counts.items())),
+        flush=True,
+    )
 
 
 def _measure(kind: StopKinds) -> None:

@@ -18,7 +18,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from planning.guard.faults import Look, first_fault, hit_at, look_at, shifted, sound_stops
 from planning.guard.proposals import AT_REST, Proposal, end_state
-from planning.proof.certificate import Certificate, certify
+from planning.proof.certificate import Certificate, certify, has_solids
 from planning.proof.limits.limits import QUANTITIES
 from planning.proof.violation import Violation
 from planning.stops.certificate import StopCertificate, Surroundings
@@ -140,6 +140,11 @@ class Guard:
         if stop not in ("path", "joints", "both"):
             raise InvalidOption(
                 f"there is no stop of kind {stop!r}", hint='Name "path", "joints" or "both".'
+            )
+        if stop != "path" and not has_solids(robot):
+            raise InvalidOption(
+                f"stops {stop!r} leave the path, and robot {robot.chain.name!r} has no solids",
+                hint='Give the robot solids, or take stops "path".',
             )
         self.kind: StopKinds = stop
         self.tracking, self.count = tracking, 0
@@ -410,7 +415,9 @@ class _Attempt:
             details = {"joint": names[j], "value": float(q[j]), "limit": limit}
             message = f"the state: {position_excess(names[j], float(q[j]), limit)}"
             faults.append(Violation("position", 0.0, message, details))
-        for order, name in enumerate(("position", "velocity")):
+        # What is no bound of jerk is told of no begin either.
+        orders = QUANTITIES[: 3 if "jerk" in self._around.limits.bounds else 2]
+        for order, name in enumerate(orders):
             jump = np.abs(end_state(motion, 0.0)[order] - self._begun[order])
             if jump.max() > _SAME_STATE:
                 j = int(jump.argmax())

@@ -43,7 +43,7 @@ async def guard_session(socket: WebSocket) -> None:
     guarded: set[tuple[str, str]] = socket.app.state.guarded
     held: tuple[str, str] | None = None
     try:
-        opening, first = _split(await asyncio.wait_for(socket.receive_text(), _FIRST))
+        opening, first = _split(await _message(socket, _FIRST))
         body = validate_as(GuardOpening, opening)
         if body.arm is not None:
             wanted = caller_of(socket.scope).tenant, body.arm
@@ -61,8 +61,8 @@ async def guard_session(socket: WebSocket) -> None:
         ready = await session.answer(b"")
         await socket.send_text((await _told(session, to_json(first)) if first else ready).decode())
         while True:
-            message = await asyncio.wait_for(socket.receive_text(), _SILENCE)
-            await socket.send_text((await _told(session, message.encode())).decode())
+            message = await _message(socket, _SILENCE)
+            await socket.send_text((await _told(session, message)).decode())
     except WebSocketDisconnect:
         pass
     except (ProblemError, ArmwrightError) as error:
@@ -75,6 +75,20 @@ async def guard_session(socket: WebSocket) -> None:
             guarded.discard(held)
 
 
+async def _message(socket: WebSocket, seconds: float) -> bytes:
+    """The next message, text or binary, which has to come in so many seconds.
+
+    Raises:
+        TimeoutError: It has not.
+        WebSocketDisconnect: The client left.
+    """
+    message = await asyncio.wait_for(socket.receive(), seconds)
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(message.get("code", 1005))
+    text: str | None = message.get("text")
+    return message["bytes"] if text is None else text.encode()
+
+
 async def _told(session: GuardSession, message: bytes) -> bytes:
     """The answer to a message, or the problem with it: the session goes on."""
     try:
@@ -83,9 +97,9 @@ async def _told(session: GuardSession, message: bytes) -> bytes:
         return _problem(error)
 
 
-def _split(text: str) -> tuple[dict[str, Any], dict[str, Any]]:
+def _split(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
     """The first message as an opening, and as the proposal that may come with it."""
-    message = parse_json(text.encode())
+    message = parse_json(content)
     if not isinstance(message, dict):
         raise ProblemError(
             "VALIDATION_ERROR",

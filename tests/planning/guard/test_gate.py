@@ -37,13 +37,13 @@ def _guard(stop: StopKinds = "path", *obstacles: Obstacle, margin: float = 0.0) 
     return Guard(builtin("panda"), Scene(obstacles), stop, margin=margin)
 
 
-@pytest.mark.parametrize("kind", ["path", "joints"])
+@pytest.mark.parametrize(("kind", "jerk"), [("path", True), ("path", False), ("joints", False)])
 @pytest.mark.parametrize("name", ARMS)
 def test_what_is_accepted_is_free_and_within_limits(
-    name: str, kind: StopKinds, tmp_path: Path
+    name: str, kind: StopKinds, jerk: bool, tmp_path: Path
 ) -> None:
     clean = []
-    for case in cases(name, 8, jerk=kind == "path"):
+    for case in cases(name, 8, jerk=jerk):
         around = case.around
         guard = Guard(around.robot, around.scene, kind, limits=around.limits)
         verdict = guard.propose(case.state, case.proposal)
