@@ -1,9 +1,9 @@
 """More clients than a server can serve: goodput, refusals and health meanwhile.
 
-``python -m benchmarks.server.overload --clients 200 --seconds 10`` starts a server of its own, reached
-from this machine only. Each client asks again as soon as it has an answer, or after Retry-After
-where it was refused; with ``--impatient`` at once too. Goodput is what was answered with 2xx, in
-parts of what the same server answers to as many clients as it has workers.
+``python -m benchmarks.server.overload --clients 200 --seconds 10`` starts a server of its own,
+reached from this machine only. Each client asks again as soon as it has an answer, or after
+Retry-After where it was refused; with ``--impatient`` at once too. Goodput is what was answered
+with 2xx, in parts of what the same server answers to as many clients as it has workers.
 
 The clients take part of the same machine, and so does whatever else runs: the goodput is told also
 by the time of processors that the server and its workers took for a good answer.

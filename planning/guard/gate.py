@@ -415,8 +415,9 @@ class _Attempt:
             details = {"joint": names[j], "value": float(q[j]), "limit": limit}
             message = f"the state: {position_excess(names[j], float(q[j]), limit)}"
             faults.append(Violation("position", 0.0, message, details))
-        # What is no bound of jerk is told of no begin either.
-        orders = QUANTITIES[: 3 if "jerk" in self._around.limits.bounds else 2]
+        # Where a jerk is named the acceleration may not jump either.
+        named = np.isfinite(self._around.limits.bounds.get("jerk", np.inf)).any()
+        orders = QUANTITIES[: 3 if named else 2]
         for order, name in enumerate(orders):
             jump = np.abs(end_state(motion, 0.0)[order] - self._begun[order])
             if jump.max() > _SAME_STATE:

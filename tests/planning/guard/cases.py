@@ -22,7 +22,7 @@ from planning.stops.certificate import Surroundings, certify_stops
 from planning.timing.jerk.state_to_state import JointState
 from planning.values.stop_kind import StopKinds
 from tests.planning.stops.judge import Brakes, CoalArm
-from tests.planning.stops.motions import Moved, motions
+from tests.planning.stops.motions import Moved, motions, rest_to_rest
 
 #: Limits are exceeded by no more than this share of theirs.
 _SLACK = 1e-6
@@ -77,24 +77,19 @@ def _of_motion(moved: Moved, random: np.random.Generator) -> Iterator[Case]:
     rates = random.normal(0.0, 1.0, n)
     still = JointState(end_state(motion, begin)[0])
     yield Case("wander", around, still, VelocityProposal(rates, random.uniform(0.05, 0.8)))
-    # A moving arm would have to turn round at once as a rule.
-    aimed = still if random.random() < 0.75 else state
-    yield Case("aimed", around, aimed, _aimed(motion, begin, around, random))
+    yield Case("aimed", around, still, _aimed(still.position, around, random))
 
 
-def _aimed(
-    motion: Trajectory, begin: float, around: Surroundings, random: np.random.Generator
-) -> Proposal:
-    """Targets on the way to a configuration that the arm can't be in."""
-    low, high = around.robot.chain.sampling_bounds()
-    q, goals = motion.sample([begin])[0], random.uniform(low, high, (50, motion.n))
+def _aimed(q: Array, around: Surroundings, random: np.random.Generator) -> Proposal:
+    """A motion to a configuration that the arm can't be in."""
+    chain = around.robot.chain
+    low, high = chain.sampling_bounds()
+    goals = random.uniform(low, high, (50, chain.n))
     hit = goals[~Checker.of(around.robot, around.scene).each_valid(goals)]
-    # The nearest of them: from where the arm moves it comes there soonest.
-    goal = (hit if len(hit) else goals)[np.abs((hit if len(hit) else goals) - q).max(1).argmin()]
-    seconds = np.abs(goal - q).max() / random.uniform(0.3, 2.0)
-    u = np.linspace(0.0, 1.0, 9)[1:, None]
-    positions = q + (goal - q) * (10.0 * u**3 - 15.0 * u**4 + 6.0 * u**5)
-    return SamplesProposal(positions, seconds / 8.0, "clamped_spline")
+    goals = hit if len(hit) else goals
+    goal = goals[np.abs(goals - q).max(axis=1).argmin()]
+    brake = float(around.limits.bounds["acceleration"][0]) * random.uniform(0.3, 1.5)
+    return TrajectoryProposal(rest_to_rest(chain.joint_names, q, goal, brake))
 
 
 def faults(

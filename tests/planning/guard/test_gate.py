@@ -1,5 +1,6 @@
 """What the gate accepts touches nothing and keeps its limits, run or stopped anywhere."""
 
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -236,3 +237,10 @@ def test_odd_input_has_a_clear_answer() -> None:
     # Longer than the stop: the arm is at rest by then.
     late = guard.propose(JointState(READY), jog, 3.0, elapsed=0.04)
     assert late.accepted_until > 0.0
+
+
+def test_the_example_guards_a_random_policy(capsys: pytest.CaptureFixture[str]) -> None:
+    path = Path(__file__).parents[3] / "examples/guard_policy.py"
+    example = runpy.run_path(str(path))
+    assert example["run"](120, 1)
+    assert "a proved stop at every step: True" in capsys.readouterr().out
