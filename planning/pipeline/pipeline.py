@@ -26,6 +26,7 @@ from planning.goal_choice.goal_order import (
     plan_configuration,
 )
 from planning.options import Options, with_limits
+from planning.pipeline.moving_start import brakes_first, plan_braking
 from planning.pipeline.optimize_stage import (
     MOST_OFFERS,
     OptimizeStage,
@@ -83,6 +84,12 @@ def plan(
     """
     timeout = options.timeout
     deadline = Deadline.after(timeout) if within is None else within.at_most(timeout)
+    if brakes_first(problem, options):
+        limits = proved_limits(problem, options)
+        return plan_braking(
+            problem, options, surroundings(problem, options), limits,
+            lambda rest: plan(rest, options, planners, deadline),
+        )  # fmt: skip
     options = refinement_options(options, problem)
     fallback: tuple[Planner, ...] = ()
     if planners is None:

@@ -1,0 +1,106 @@
+"""Motions that begin while the arm moves, of planners that begin at rest: it brakes first.
+
+Every joint brakes by itself as quickly as its limits allow, which leaves the state with equal
+position, velocity and acceleration; the planned motion begins where the arm has come to rest. Both
+are proved as one motion.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.trajectory.trajectory import concatenate
+from planning.options import Options
+from planning.problem import JointGoal, Problem
+from planning.proof.certificate import certify
+from planning.result import Failure, Plan
+from planning.stops.braking import BrakingLimits
+from planning.stops.certificate import Surroundings, certify_stops
+from planning.stops.stop_family import braking_motion
+from planning.values.limits import MotionLimits
+from planning.values.optimize_options import OPTIMIZE
+
+
+def brakes_first(problem: Problem, options: Options) -> bool:
+    """Whether a motion begins while the arm moves, and its planner begins at rest."""
+    begun = (problem.start_velocity, problem.start_acceleration)
+    ends = [goal for goal in problem.goals if isinstance(goal, JointGoal)]
+    return (
+        any(rates is not None and rates.any() for rates in begun)
+        and not any(one is not None for goal in ends for one in (goal.velocity, goal.acceleration))
+        and options.refine is None
+        and options.planner not in (OPTIMIZE, "cartesian")
+        and options.timing.duration is None
+        and options.timing.times is None
+    )
+
+
+def plan_braking(
+    problem: Problem,
+    options: Options,
+    around: Surroundings,
+    limits: MotionLimits,
+    plan: Callable[[Problem], Plan | Failure],
+) -> Plan | Failure:
+    """Plan from where the arm comes to rest, and prove the motion with the braking before it.
+
+    Args:
+        problem: The problem, whose start moves.
+        options: Planner, timing and stops.
+        around: What stops are proved for.
+        limits: Limits that the motion is proved within.
+        plan: Plans a problem whose start is at rest.
+
+    Raises:
+        MissingLimit: The acceleration of a joint has no limit.
+    """
+    chain = problem.robot.chain
+    state = np.stack(
+        [
+            problem.start,
+            _rates(problem.start_velocity, problem.start),
+            _rates(problem.start_acceleration, problem.start),
+        ]
+    )
+    braking = braking_motion(
+        chain.joint_names, state, BrakingLimits.of(chain.limits, chain.joint_names, limits)
+    )
+    rest = replace(problem, start=braking.end, start_velocity=None, start_acceleration=None)
+    planned = plan(rest)
+    if isinstance(planned, Failure):
+        return planned
+    motion = concatenate([braking, planned.trajectory])
+    proof = certify(
+        motion,
+        problem.robot,
+        problem.scene,
+        margin=problem.margin,
+        limits=limits,
+        constraints=problem.constraints,
+    )
+    if proof.violation is not None:
+        return Failure(
+            "INVALID_MOTION_PLAN",
+            f"the arm moves at the start, and braking to rest is not proved: "
+            f"{proof.violation.message}",
+            'Start slower or farther away, or ask for the planner "optimize".',
+            "moving_start",
+            planned.stages,
+            {"time": proof.violation.time, **proof.violation.details},
+        )
+    stops = planned.stops
+    if stops is not None and options.stops != "none":
+        stops = replace(certify_stops(motion, proof, around, options.stops), slowed=stops.slowed)
+        if not stops.proved:
+            hint = "Start slower, or ask for stops along the path alone."
+            return Failure("INVALID_MOTION_PLAN", stops.message, hint, "stops")
+    note = f"the arm moves at the start: it brakes to rest within {braking.duration:.3g} s first"
+    return replace(
+        planned, trajectory=motion, certificate=proof, stops=stops, notes=(*planned.notes, note)
+    )
+
+
+def _rates(given: Array | None, start: Array) -> Array:
+    return np.zeros_like(start) if given is None else given
