@@ -377,6 +377,7 @@ async def plan_answer(
     request: Request,
     body: PlanProblem,
     content: bytes,
+    left: bytes | None = None,
 ) -> bytes:
     """The answer to a request for a plan, JSON.
 
@@ -384,6 +385,7 @@ async def plan_answer(
         request: Request on whose behalf.
         body: The problem.
         content: The problem as JSON, for the worker.
+        left: The motion that the plan leaves, JSON, where its start names one.
 
     Raises:
         ProblemError: There is no plan; as `answers.answer`.
@@ -392,7 +394,7 @@ async def plan_answer(
     try:
         outcome = await answer(
             request,
-            lambda robot, scene: plan.job(robot, scene, content),
+            lambda robot, scene: plan.job(robot, scene, content, left),
             body.robot,
             body.scene,
             timeout=body.timeout,

@@ -8,6 +8,7 @@ import numpy as np
 from armwright_wire.goals.goal import SingleGoal, Start
 from armwright_wire.plans.plan import PlanRequest
 from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.tree.srdf import state
 
@@ -23,7 +24,14 @@ def with_states(body: PlanRequest, states: Mapping[str, Array]) -> PlanRequest:
 
     Raises:
         InvalidRobotState: The robot has no such state.
+        InvalidOption: It begins on another motion, which only planning itself looks up.
     """
+    if body.start.plan is not None:
+        raise InvalidOption(
+            f"this plan begins on the motion of plan {body.start.plan!r}, which is not looked up "
+            "here",
+            hint="Plan with joints, velocities and accelerations as start.",
+        )
     changes: dict[str, Any] = {}
     if body.start.state is not None:
         changes["start"] = _looked_up(body.start, states, "start.state")

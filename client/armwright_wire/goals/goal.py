@@ -31,11 +31,14 @@ class Start(Body):
     """Start of the motion."""
 
     one_of: ClassVar[tuple[str, ...]] = ("joints", "state")
+    only_beside: ClassVar[Beside] = {}
 
     joints: JointVector | None = Field(None, examples=[JOINTS_EXAMPLE])
     state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
     velocities: JointVector | None = Field(
-        None, description="there, for a motion that is optimised; at rest if left out"
+        None,
+        description="there; at rest if left out. Planners that optimise nothing brake to rest "
+        "first",
     )
     accelerations: JointVector | None = Field(
         None, description="there, likewise; any that keep the limits if left out"
@@ -44,6 +47,31 @@ class Start(Body):
     @model_validator(mode="after")
     def _check_form(self) -> "Start":
         exactly_one(self, self.one_of)
+        check_company(self)
+        return self
+
+
+class PlanStart(Start):
+    """Start of a plan: a state, or an instant of a kept plan that the arm runs."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "plan")
+    only_beside: ClassVar[Beside] = {
+        "at": ("plan",),
+        "velocities": ("joints", "state"),
+        "accelerations": ("joints", "state"),
+    }
+
+    plan: Label | None = Field(
+        None,
+        description="a kept plan: the motion leaves that of it at `at`, in the same state; where "
+        "none is proved, its stop is answered",
+    )
+    at: NonNegative | None = Field(None, description="instant of its trajectory [s]")
+
+    @model_validator(mode="after")
+    def _check_instant(self) -> "PlanStart":
+        if self.plan is not None and self.at is None:
+            raise ValueError("plan needs at: the instant at which its motion is left")
         return self
 
 

@@ -1,12 +1,18 @@
 """Planning of motions, and proofs of anybody's."""
 
+import json
+
 from fastapi import Request, Response
+from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.plans.plan import PlanAnswer, PlanRequest, ValidateRequest
+from service.access.caller import caller_of
 from service.http import answers
 from service.http.answers import plan_answer
 from service.http.json_route import json_router
+from service.http.state import store_of
+from service.problem import ProblemError
 from service.task_references import validate as validate_task
 
 router = json_router("planning")
@@ -18,7 +24,10 @@ async def plan(body: PlanRequest, request: Request) -> Response:
 
     Where none is found in time, or none can be proved, the answer is a problem that says why.
     """
-    content = await plan_answer(request, body, await request.body())
+    name, left = body.start.plan, None
+    if name is not None:
+        left = await run_in_threadpool(_motion, request, name)
+    content = await plan_answer(request, body, await request.body(), left)
     return Response(content, media_type="application/json")
 
 
@@ -26,3 +35,22 @@ async def plan(body: PlanRequest, request: Request) -> Response:
 async def validate(body: ValidateRequest, request: Request) -> Response:
     """The certificate of anybody's motion, or its first violation with the time."""
     return await answers.respond(request, validate_task.job, body.robot, body)
+
+
+def _motion(request: Request, name: str) -> bytes:
+    """The trajectory of a kept plan, JSON.
+
+    Raises:
+        ProblemError: NOT_FOUND; VALIDATION_ERROR, the plan has no motion.
+    """
+    tenant = caller_of(request.scope).tenant
+    answer = json.loads(store_of(request).plans.get(name, tenant)[1].answer)
+    motion = answer.get("trajectory") if isinstance(answer, dict) else None
+    if not isinstance(motion, dict) or "segments" not in motion:
+        raise ProblemError(
+            "VALIDATION_ERROR",
+            f"start.plan: plan {name!r} has no trajectory that could be left",
+            stage="request",
+            hint="Name a kept plan of POST /v1/plan that succeeded.",
+        )
+    return json.dumps({field: motion[field] for field in ("joint_names", "segments")}).encode()

@@ -14,15 +14,18 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic_core import to_json
 
+from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.plans.plan import Collisions, PlanRequest, ValidateRequest
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.plans.tour import TourRequest
 from kinematics.errors import InvalidRobotDescription
+from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.options import Options
 from planning.pipeline import pipeline
+from planning.pipeline.splice import Splice
 from planning.problem import Problem
 from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
@@ -81,13 +84,16 @@ _SEARCHING = 0.2
 
 
 @task(grace=GRACE)
-def plan(robot: Reference, scene: Reference | None, content: bytes) -> PlanOutcome | TaskProblem:
+def plan(
+    robot: Reference, scene: Reference | None, content: bytes, left: bytes | None = None
+) -> PlanOutcome | TaskProblem:
     """Answer a request for a plan.
 
     Args:
         robot: The robot.
         scene: The scene, where the request names a stored one.
         content: The request, which may be malformed.
+        left: The motion that its start leaves, JSON, where it names one.
 
     Raises:
         ArmwrightError: The request is at fault.
@@ -96,11 +102,16 @@ def plan(robot: Reference, scene: Reference | None, content: bytes) -> PlanOutco
         body = PlanRequest.model_validate_json(content)
     except ValidationError as error:
         return validation_fault(error)
-    return plan_outcome(robot, scene, body, framed=names_frame(content))
+    return plan_outcome(robot, scene, body, framed=names_frame(content), left=left)
 
 
 def plan_outcome(
-    robot: Reference, scene: Reference | None, body: PlanRequest, *, framed: bool
+    robot: Reference,
+    scene: Reference | None,
+    body: PlanRequest,
+    *,
+    framed: bool,
+    left: bytes | None = None,
 ) -> PlanOutcome | TaskProblem:
     """The plan that a request asks for, within the deadline of the current job.
 
@@ -109,18 +120,28 @@ def plan_outcome(
         scene: The stored scene, where there is one.
         body: The request.
         framed: Whether the request may name a frame.
+        left: The motion that its start leaves, JSON, where it names one.
 
     Raises:
         NotPrepared: The robot or the scene has to be prepared first.
         ArmwrightError: The request is at fault.
     """
-    read = rounding_notes(body)
+    read, splice = rounding_notes(body), None
+    if left is not None:
+        splice = _splice(worker_cache.chain(robot), body, left)
+        joints = splice.motion.sample([splice.at])[0].tolist()
+        start = body.start.model_copy(update={"joints": joints, "plan": None, "at": None})
+        body = body.model_copy(update={"start": start})
     body, cell, problem = _posed(robot, scene, body, framed=framed)
     deadline = current.deadline()
     if deadline.passed:
         return timed_out("the work was done", "certificate")
     options = problems.options(body, cell.robot.chain, deadline.remaining, _report_stage)
+    if splice is not None:
+        problem = splice.begins(problem)
     outcome = pipeline.plan(problem, options)
+    if splice is not None:
+        outcome = splice.join(outcome, problem, options)
     if isinstance(outcome, Failure):
         details = {"stages": problems.stages_answer(outcome.stages)}
         return refusal(outcome, details)
@@ -137,6 +158,12 @@ def plan_outcome(
     content = to_json(answer, inf_nan_mode="null")
     stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
     return PlanOutcome(content, outcome.planner, stages)
+
+
+def _splice(chain: Chain, body: PlanRequest, left: bytes) -> Splice:
+    """The place at which a plan leaves a kept motion."""
+    motion, begins = trajectories.trajectory(TrajectoryBody.model_validate_json(left), chain)
+    return Splice(motion, (body.start.at or 0.0) - begins)
 
 
 def plan_witness(problem: Problem, options: Options, motion: Trajectory) -> dict[str, Any]:

@@ -27,7 +27,7 @@ def _problem(velocity: np.ndarray, scene: Scene = Scene((POST,))) -> Problem:  #
                    start_acceleration=TURNING)  # fmt: skip
 
 
-@pytest.mark.parametrize("planner", ["auto", "rrt_connect", "rrt_star", "potential_field"])
+@pytest.mark.parametrize("planner", ["auto", "rrt_connect", "prm", "potential_field"])
 @pytest.mark.parametrize("method", ["jerk_limited", "toppra"])
 def test_any_planner_and_timing_leaves_a_moving_start(planner: str, method: Method) -> None:
     options = Options(planner=planner, timing=TimingOptions(method), timeout=4.0, stops="both")

@@ -500,6 +500,7 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (PlanRequest, PLAN),
     (PlanRequest, BRIEF | {"goal": {"any_of": [POSE_GOAL, {"joints": [0.5, 0.6]}]}}),
     (PlanRequest, BRIEF | {"start": {"state": "home"}, "goal": {"state": "away"}}),
+    (PlanRequest, BRIEF | {"start": {"plan": "plan_1", "at": 0.5}}),
     (PlanRequest, BRIEF | {"goal": {"any_of": [{"state": "away"}]}}),
     (PlanRequest, BRIEF | {"goal": POSE_GOAL, "planner": "cartesian",
                           "planner_options": {"motions": MOTIONS, "allow_partial": True}}),
