@@ -147,7 +147,6 @@ from armwright_wire.goals.goal import ClearanceAnswer, CloseSpanAnswer, Configur
 from armwright_wire.goals.goal import Goal as Goal
 from armwright_wire.goals.goal import GoalCosts as GoalCosts
 from armwright_wire.goals.goal import GoalLike as GoalLike
-from armwright_wire.goals.goal import PlanStart as PlanStart
 from armwright_wire.goals.goal import SingleGoal as SingleGoal
 from armwright_wire.goals.goal import Start as Start
 from armwright_wire.goals.tool_motion import CartesianOptions as CartesianOptions

@@ -26,12 +26,7 @@ def with_states(body: PlanRequest, states: Mapping[str, Array]) -> PlanRequest:
         InvalidRobotState: The robot has no such state.
         InvalidOption: It begins on another motion, which only planning itself looks up.
     """
-    if body.start.plan is not None:
-        raise InvalidOption(
-            f"this plan begins on the motion of plan {body.start.plan!r}, which is not looked up "
-            "here",
-            hint="Plan with joints, velocities and accelerations as start.",
-        )
+    _refuse_plan(body.start)
     changes: dict[str, Any] = {}
     if body.start.state is not None:
         changes["start"] = _looked_up(body.start, states, "start.state")
@@ -61,7 +56,18 @@ def configuration(body: Start, chain: Chain, states: Mapping[str, Array], where:
 
     Raises:
         InvalidRobotState: The robot has no such state, or the vector has the wrong length.
+        InvalidOption: It is an instant of a plan.
     """
+    _refuse_plan(body)
     if body.state is not None:
         return np.array(state(states, body.state, f"{where}.state"))
     return np.asarray(chain.state(body.joints or (), f"{where}.joints"))
+
+
+def _refuse_plan(start: Start) -> None:
+    """Refuse a start on the motion of a kept plan where nothing has looked that up."""
+    if start.plan is not None:
+        raise InvalidOption(
+            f"an instant of plan {start.plan!r} is the start of a single new plan only",
+            hint="Give joints, velocities and accelerations in its place.",
+        )

@@ -30,8 +30,12 @@ Tolerance = Annotated[Positive, Field(le=10.0)]
 class Start(Body):
     """Start of the motion."""
 
-    one_of: ClassVar[tuple[str, ...]] = ("joints", "state")
-    only_beside: ClassVar[Beside] = {}
+    one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "plan")
+    only_beside: ClassVar[Beside] = {
+        "at": ("plan",),
+        "velocities": ("joints", "state"),
+        "accelerations": ("joints", "state"),
+    }
 
     joints: JointVector | None = Field(None, examples=[JOINTS_EXAMPLE])
     state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
@@ -44,32 +48,17 @@ class Start(Body):
         None, description="there, likewise; any that keep the limits if left out"
     )
 
-    @model_validator(mode="after")
-    def _check_form(self) -> "Start":
-        exactly_one(self, self.one_of)
-        check_company(self)
-        return self
-
-
-class PlanStart(Start):
-    """Start of a plan: a state, or an instant of a kept plan that the arm runs."""
-
-    one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "plan")
-    only_beside: ClassVar[Beside] = {
-        "at": ("plan",),
-        "velocities": ("joints", "state"),
-        "accelerations": ("joints", "state"),
-    }
-
     plan: Label | None = Field(
         None,
-        description="a kept plan: the motion leaves that of it at `at`, in the same state; where "
-        "none is proved, its stop is answered",
+        description="of a plan: a kept one, whose motion is left at `at` in the same state; where "
+        "no motion from there is proved, its stop is answered",
     )
     at: NonNegative | None = Field(None, description="instant of its trajectory [s]")
 
     @model_validator(mode="after")
-    def _check_instant(self) -> "PlanStart":
+    def _check_form(self) -> "Start":
+        exactly_one(self, self.one_of)
+        check_company(self)
         if self.plan is not None and self.at is None:
             raise ValueError("plan needs at: the instant at which its motion is left")
         return self

@@ -26,7 +26,7 @@ from armwright_wire.goals.goal import (
     ConfigurationAnswer,
     Goal,
     GoalCosts,
-    PlanStart,
+    Start,
 )
 from armwright_wire.goals.tool_motion import (
     ReferencePoseAnswer,
@@ -155,7 +155,7 @@ class PlanRequest(WithTool, WithFingers, Keepable):
     robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
-    start: PlanStart
+    start: Start
     goal: Goal
     planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = Field(
         "auto",
