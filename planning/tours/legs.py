@@ -246,7 +246,7 @@ class LegTable:
         plan = pipeline.plan(problem, options, within=deadline)
         if isinstance(plan, Failure):
             return plan
-        return Leg(plan.planner, plan.path.waypoints, plan.trajectory, plan.certificate)
+        return Leg(plan.planner, plan.path.waypoints, plan.trajectory, plan.certificate, plan.stops)
 
     def replace_configuration(self, k: int, q: Array) -> None:
         """Put a configuration (n,) away from limits in the place of another one of its goal.
@@ -264,7 +264,9 @@ class LegTable:
             self.costs.at_limit[k] = False
 
     def _reverse(self, leg: Leg, deadline: Deadline) -> Leg | None:
-        """A leg run backwards, proved anew; None where it is not proved."""
+        """A leg run backwards, proved anew; None where it is not proved, nor are its stops."""
+        if self.options.stops != "none":
+            return None
         motion: Trajectory = leg.trajectory.reverse()
         certificate = certify(
             motion,

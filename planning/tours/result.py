@@ -9,6 +9,7 @@ from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory, concatenate, stay
 from planning.proof.certificate import Certificate
 from planning.result import ChosenConfiguration
+from planning.stops.certificate import StopCertificate
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,12 +21,14 @@ class Leg:
         waypoints: Corners of its path, shape (k, n) [rad or m].
         trajectory: The timed motion.
         certificate: The proof.
+        stops: The proof of its stops, where these are asked for.
     """
 
     planner: str
     waypoints: Array
     trajectory: Trajectory
     certificate: Certificate
+    stops: StopCertificate | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

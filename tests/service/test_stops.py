@@ -131,3 +131,25 @@ def test_a_timed_path_has_a_bound_of_its_longest_stop(here: httpx.Client) -> Non
     # At full speed a joint alone takes v / a.
     assert stops["longest"] >= 1.0 / 4.0
     problem(here.post("/v1/retime", json=body | {"stops": "joints"}), 422, "VALIDATION_ERROR")
+
+
+def test_every_leg_of_a_tour_and_stage_of_a_task_has_stops(here: httpx.Client) -> None:
+    goals = [BODY["start"], BODY["goal"]]
+    common = {"robot": "panda", "scene": PLACE, "limits": WEAK, "stops": "joints", "timeout": 60.0}
+    tour = answer(here.post("/v1/tours", json=common | {"goals": goals, "end": "start",
+                                                        "start": BODY["start"]}))  # fmt: skip
+    stages = [{"kind": "move", "goal": BODY["goal"]}, {"kind": "move", "goal": BODY["start"]}]
+    task = common | {"start": BODY["start"], "stages": stages}
+    done = answer(here.post("/v1/tasks", json=task))
+    for leg in (*tour["legs"], *done["stages"]):
+        if np.ptp([one["coefficients"][0][0] for one in leg["trajectory"]["segments"]]) == 0.0:
+            continue
+        stops = leg["certificate"]["stops"]
+        assert (stops["kind"], stops["proved"]) == ("joints", True)
+        # The validated motion has them too.
+        about = {"robot": "panda", "scene": PLACE, "trajectory": leg["trajectory"],
+                 "limits": WEAK, "stops": "joints"}  # fmt: skip
+        assert answer(here.post("/v1/validate", json=about))["stops"]["proved"]
+    blended = task | {"stages": [{**stages[0], "blend": 0.1}, stages[1]]}
+    told = problem(here.post("/v1/tasks", json=blended), 422, "VALIDATION_ERROR")
+    assert "leave blend of stage 0 out" in told["detail"]

@@ -217,8 +217,10 @@ class TaskOptions(PlanningOptions, total=False):
         fingers: Positions of joints of the gripper at the start [rad or m].
         improve: Time to look for a better answer after the first [s].
         allow_partial: Whether the first stages are an answer where not all can be done.
+        stops: Stops that every motion is proved to have from every instant.
     """
 
+    stops: Stops
     objects: Sequence[MovedObject]
     fingers: Mapping[str, float]
     improve: float
@@ -239,8 +241,10 @@ class TourOptions(PlanningOptions, total=False):
         rounds: Rounds of search and proof after the first tour that is proved.
         leg_timeout: Longest that one leg is planned [s].
         allow_partial: Whether a tour that leaves goals out is an answer.
+        stops: Stops that every leg is proved to have from every instant.
     """
 
+    stops: Stops
     start: Start | None
     end: Literal["any", "start"] | Start
     precedence: Sequence[tuple[str, str]]

@@ -31,7 +31,7 @@ from armwright_wire.base import (
 from armwright_wire.goals.constraint import Constraints
 from armwright_wire.goals.goal import ConfigurationAnswer, Goal, GoalCosts, Start
 from armwright_wire.goals.tool_motion import ReferencePoseAnswer
-from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.motions.certificate import CertificateAnswer, Stops
 from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer
 from armwright_wire.plans.plan import PathAnswer, Reproducibility, Stage
@@ -413,6 +413,7 @@ class TaskRequest(WithTool, Keepable):
     timing: Timing = Field(default_factory=Timing, description="how paths become motions")
     limits: LimitsBody | None = Field(None, description="in place of the robot's")
     goal_costs: GoalCosts | None = None
+    stops: Stops = "none"
     improve: Annotated[NonNegative, Field(le=86_400.0)] = Field(
         0.0, description="time to look for a better answer after the first proved one [s]"
     )
@@ -421,6 +422,16 @@ class TaskRequest(WithTool, Keepable):
     )
     timeout: Timeout | None = Field(None, description="for all stages together [s]")
     seed: Seed = 0
+
+    @model_validator(mode="after")
+    def _check_stops(self) -> "TaskRequest":
+        passing = [i for i, one in enumerate(self.stages) if getattr(one, "blend", None)]
+        if self.stops != "none" and passing:
+            raise ValueError(
+                f"stops are proved of motions that end at rest: leave blend of stage {passing[0]} "
+                "out, or stops"
+            )
+        return self
 
 
 class PlacedObject(Answer):

@@ -36,7 +36,7 @@ from armwright_wire.goals.goal import (
     as_goal,
     given_fields,
 )
-from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.motions.certificate import CertificateAnswer, Stops
 from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer
 from armwright_wire.plans.plan import PathAnswer, Reproducibility
@@ -148,6 +148,7 @@ class TourRequest(WithTool, Keepable):
     )
     timing: Timing = Field(default_factory=Timing, description="of every leg")
     limits: LimitsBody | None = Field(None, description="of the joints, in place of the robot's")
+    stops: Stops = "none"
     rounds: Annotated[int, Field(ge=0, le=MAX_ROUNDS)] = Field(
         20, description="rounds of search and proof after the first tour that is proved"
     )

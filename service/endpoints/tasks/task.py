@@ -161,6 +161,8 @@ def _stage_answer(
 ) -> dict[str, Any]:
     plan = stage.plan
     certificate = certificates.certificate_answer(stage.certificate)
+    if stage.plan is not None and stage.plan.trajectory == stage.trajectory:
+        certificate |= certificates.stops_answer(stage.plan.stops)
     return {
         "index": stage.index,
         "kind": stage.kind,

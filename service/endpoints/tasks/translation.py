@@ -144,6 +144,7 @@ class _Translator:
                 cartesian=deviations,
                 timeout=self._timeout,
                 seed=task.seed,
+                stops=task.stops,
             ),
         )
 

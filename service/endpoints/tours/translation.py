@@ -89,6 +89,7 @@ def tour_options(body: schema.TourRequest, chain: Chain, timeout: float) -> doma
         seed=body.seed,
         goal_costs=problems.goal_costs(body.goal_costs),
         clearance=PreferredClearance(preferred),
+        stops=body.stops,
     )
     return domain.TourOptions(planning, body.rounds, body.leg_timeout, body.allow_partial)
 
@@ -170,7 +171,8 @@ def _leg(leg: Leg, sample_period: float | None, scene: str | SceneBody | None) -
         "planner": leg.planner,
         "path": {"joints": leg.waypoints.tolist(), "length": length},
         "trajectory": trajectories.trajectory_answer(leg.trajectory, sample_period),
-        "certificate": certificates.certificate_answer(leg.certificate, scene=scene),
+        "certificate": certificates.certificate_answer(leg.certificate, scene=scene)
+        | certificates.stops_answer(leg.stops),
     }
 
 
