@@ -32,6 +32,8 @@ from service.workers.fork.launch import Launched
 _DRAIN = 2.0
 #: And this much later connections that are still open, such as event streams, are cut [s].
 _CUT_OFF = 4
+#: Longest message of a WebSocket [byte]: it is read on the event loop.
+_MESSAGE_BYTES = 2**20
 
 
 class _Server(uvicorn.Server):
@@ -97,6 +99,7 @@ def serve(
         server_header=False,
         lifespan="on",
         http=_protocol(settings),
+        ws_max_size=_MESSAGE_BYTES,
     )
     # Raised once more by uvicorn after a graceful end, which is no failure.
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -1,11 +1,14 @@
 """The gate over HTTP: single proposals, and sessions over a WebSocket."""
 
 import json
+import threading
+import time
 from typing import Any
 
 import httpx
 import numpy as np
 import pytest
+import uvicorn
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -22,6 +25,8 @@ from armwright_client import (
     Proposal,
     Scene,
 )
+from service.http.layer.connection import ConnectionLimits, connection_class
+from tests.service.processes import wait_until
 from tests.service.robots import answer, problem
 
 READY = [0.0, -0.5, 0.0, -2.2, 0.0, 1.7, 0.8]
@@ -176,3 +181,23 @@ def test_odd_openings_are_refused(url: str, here: httpx.Client) -> None:
     assert "no motion was accepted" in _fault(here, late)
     fine = answer(here.post("/v1/guard", json=body | {"proposal": lone}))
     assert fine["scale"] == 1.0
+
+
+def test_a_session_outlives_the_time_that_heads_have(served: Any) -> None:
+    # As `armwright serve` has its connections: what follows an upgrade is no head.
+    make: Any = connection_class(ConnectionLimits(100, 0.3))
+    config = uvicorn.Config(served.app, port=0, log_level="warning", lifespan="off", http=make)
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        assert wait_until(lambda: server.started, 20.0)
+        port = server.servers[0].sockets[0].getsockname()[1]
+        with Guard("panda", f"http://127.0.0.1:{port}") as guard:
+            time.sleep(0.8)
+            assert guard.propose(READY, JOG).scale == 1.0
+            time.sleep(0.8)
+            assert guard.propose(READY, JOG).scale == 1.0
+    finally:
+        server.should_exit = True
+        thread.join()

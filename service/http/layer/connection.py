@@ -71,6 +71,7 @@ class Connection(HttpToolsProtocol):
         super().__init__(**arguments)
         self._limits = limits
         self._is_in_head = True
+        self._is_upgraded = False
         self._unparsed = 0
         self._head_timer: asyncio.TimerHandle | None = None
 
@@ -101,10 +102,18 @@ class Connection(HttpToolsProtocol):
             return
         self._unparsed += len(data)
         super().data_received(data)
+        if self._is_upgraded:
+            return
         if self._unparsed > _HEAD_BYTES:
             self.send_400_response(f"the head is longer than {_HEAD_BYTES} bytes")
         elif self._is_in_head and (self.cycle is None or self.cycle.response_complete):
             self._start_timer()
+
+    def handle_websocket_upgrade(self) -> None:
+        """Leave the connection to a WebSocket: no head comes on it any more."""
+        self._is_upgraded = True
+        self._stop_timer()
+        super().handle_websocket_upgrade()
 
     def on_header(self, name: bytes, value: bytes) -> None:
         """Take a header; trailers are dropped, as they must not pass for headers."""
