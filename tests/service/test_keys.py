@@ -10,7 +10,10 @@ from pathlib import Path
 import httpx
 import pytest
 from fastapi import FastAPI
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
+from armwright_client import Guard
 from service.access.authentication import Authenticator
 from service.app import create_app
 from service.cli import main
@@ -316,3 +319,14 @@ def test_with_a_key_or_when_told_it_listens_beyond_this_machine(
     assert "serves on http://0.0.0.0:" in process.stdout.readline()
     process.kill()
     process.communicate()
+
+
+def test_a_session_of_the_gate_needs_a_key_that_may_plan(service: httpx.Client, make: Make) -> None:
+    url = f"{str(service.base_url).rstrip('/').replace('http', 'ws')}/v1/guard"
+    for key, status in ((None, 401), ("aw_none", 401), (make("--scope", "read"), 403)):
+        headers = {} if key is None else {"Authorization": f"Bearer {key}"}
+        with pytest.raises(InvalidStatus) as refused:
+            connect(url, additional_headers=headers)
+        assert refused.value.response.status_code == status
+    with Guard("panda", str(service.base_url), token=make("--scope", "plan")) as guard:
+        assert guard.ready.stop == "none"
