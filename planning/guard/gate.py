@@ -84,15 +84,13 @@ class Verdict:
 
     @property
     def clearance(self) -> float:
-        """Least clearance, a bound for motion and stop [m]."""
-        return min(self.stop.certificate.min_clearance, self.stop.stops.worst.clearance)
+        """Least clearance, a bound for motion and stop [m]; ``stop.stops`` has earlier stops'."""
+        return self.stop.certificate.min_clearance
 
     @property
     def pair(self) -> tuple[str, str] | None:
         """The pair that has it."""
-        stops, certificate = self.stop.stops.worst, self.stop.certificate
-        nearer = stops.clearance < certificate.min_clearance
-        return stops.pair if nearer else certificate.clearance_pair
+        return self.stop.certificate.clearance_pair
 
 
 @dataclass(frozen=True, slots=True, eq=False)
