@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from service.endpoints.dynamics import task as dynamics_tasks
     from service.endpoints.dynamics.equations import equations as equations
     from service.endpoints.export.task import export as export
+    from service.endpoints.guard.task import guard as guard
+    from service.endpoints.guard.task import guard_message as guard_message
     from service.endpoints.identification.task import calibrate as calibrate
     from service.endpoints.identification.task import excitation as excitation
     from service.endpoints.identification.task import identify as identify
-    from service.endpoints.guard.task import guard as guard
-    from service.endpoints.guard.task import guard_message as guard_message
     from service.endpoints.ik.task import ik as ik
     from service.endpoints.kinematics import task as kinematics_tasks
     from service.endpoints.kinematics.task import convert_pose as convert_pose
