@@ -36,7 +36,8 @@ def policy(random: np.random.Generator, state: np.ndarray, aim: np.ndarray) -> n
     times = PERIOD * np.arange(1, 9)[:, None]
     speed = v + np.clip(aim - q - v, -1.0, 1.0) * random.uniform(0.0, 1.2)
     towards = q + v * times + 0.5 * (speed - v) * times**2 / times[-1]
-    return towards + random.normal(0.0, 2e-4, towards.shape)
+    targets: np.ndarray = towards + random.normal(0.0, 2e-4, towards.shape)
+    return targets
 
 
 def run(steps: int, seed: int) -> bool:

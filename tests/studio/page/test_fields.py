@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 from scipy.spatial.transform import Rotation
 
-from armwright_client import Client
+from armwright_client import Box, Client
 from studio.page.studio_page import StudioPage, serve_page
 from studio.pose import rotation
 from studio.workbench import Workbench
@@ -59,7 +59,7 @@ def test_numbers_are_taken_as_they_are_typed(studio: StudioPage, page: Page) -> 
     field(page, "Units").click()
     page.get_by_role("option", name="m, rad").click()
     assert wait_until(
-        lambda: (rotation(workbench.goal_tip()) * turned.inv()).magnitude() < 1e-9, 20.0
+        lambda: bool((rotation(workbench.goal_tip()) * turned.inv()).magnitude() < 1e-9), 20.0
     )
 
 
@@ -76,7 +76,9 @@ def test_obstacles_are_placed_by_numbers_and_their_lists_stay_open(
     assert wait_until(
         lambda: [*workbench.state.obstacles[0].pose.position] == [0.5, -0.4, 0.25], 20.0
     )
-    assert workbench.state.obstacles[0].shape.size[0] == 0.205
+    shape = workbench.state.obstacles[0].shape
+    assert isinstance(shape, Box)
+    assert shape.size[0] == 0.205
     expect(field(page, "x [m]")).to_be_visible()
 
 

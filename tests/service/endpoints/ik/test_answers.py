@@ -180,14 +180,14 @@ def test_only_what_is_there_is_to_be_changed(
     """A margin of less than the overlap is no cure, and own links know none."""
     wanted = ConstraintSet(CHAIN, (ClearanceConstraint(margin),) if margin else ())
     pair = ("panda_hand", other)
-    nearest = ConstrainedSolution(np.zeros(7), np.zeros(0), clearance, pair, 0.0, "descent")
+    nearest = ConstrainedSolution(np.zeros(7), np.zeros(0), clearance, pair, 0.0)
     what, hint = _too_near(wanted, nearest, RobotInScene(builtin("panda"), Scene((WALL,))))
     assert "closer than they may be by 0.05 m" in what
     assert hint == cures
 
 
 def test_what_touches_is_not_closer_by_nothing() -> None:
-    nearest = ConstrainedSolution(np.zeros(7), np.zeros(0), -1e-9, ("a", "b"), 0.0, "descent")
+    nearest = ConstrainedSolution(np.zeros(7), np.zeros(0), -1e-9, ("a", "b"), 0.0)
     what, hint = _too_near(ConstraintSet(CHAIN, (ClearanceConstraint(0.1),)), nearest, None)
     assert what == "has 'a' and 'b' touching"
     assert "margin" not in hint
