@@ -8,6 +8,7 @@
 Names are imported when they are first used, so that importing this package costs nothing.
 """
 
+import ast
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from armwright.arm_names import *
     from armwright.motion_names import *
 
-#: Modules that import the public names; the second takes twice as long.
-_NAMES = ("armwright.arm_names", "armwright.motion_names")
+#: Files whose imports are the public names; they are read, so that a name loads its module alone.
+_FILES = ("arm_names.py", "motion_names.py")
 #: Packages that the library is made of, side by side with this one.
 PACKAGES = ("compiled", "kinematics", "dynamics", "obstacles", "planning", "tracking")
 
@@ -32,6 +33,8 @@ def check_packages() -> None:
         ImportError: Another package of the same name comes first on the path, or one is missing.
     """
     home = Path(__file__).resolve().parents[1]
+    if home.joinpath("armwright", "_src").is_dir():  # a wheel, with all inside of armwright
+        return
     for name in PACKAGES:
         place = _location(name)
         if place is None:
@@ -57,24 +60,28 @@ def _location(name: str) -> Path | None:
     return None if spec.origin is None else Path(spec.origin).resolve()
 
 
-def __getattr__(name: str) -> object:
+def _load(name: str) -> object:
     if name == "__all__":
-        return _names()
-    if not name.startswith("_"):
-        check_packages()
-        for module in _NAMES:
-            found = vars(import_module(module))
-            if name in found:
-                globals()[name] = found[name]
-                return found[name]
-    raise AttributeError(f"module 'armwright' has no attribute {name!r}")
+        return sorted(_modules())
+    if name not in _modules():
+        raise AttributeError(f"module 'armwright' has no attribute {name!r}")
+    check_packages()
+    value = globals()[name] = getattr(import_module(_modules()[name]), name)
+    return value
+
+
+if not TYPE_CHECKING:  # names that are not there are errors for type checkers
+    __getattr__ = _load
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_names()})
+    return sorted({*globals(), *_modules()})
 
 
-def _names() -> list[str]:
-    """All public names, in order."""
-    modules = [import_module(module) for module in _NAMES]
-    return sorted(name for module in modules for name in vars(module) if not name.startswith("_"))
+@cache
+def _modules() -> dict[str, str]:
+    """Module of each public name."""
+    texts = (Path(__file__).with_name(name).read_text("utf-8") for name in _FILES)
+    nodes = [node for text in texts for node in ast.parse(text).body]
+    imports = [node for node in nodes if isinstance(node, ast.ImportFrom)]
+    return {item.name: str(node.module) for node in imports for item in node.names}

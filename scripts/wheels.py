@@ -27,9 +27,16 @@ sys.path.insert(0, str(ROOT))
 from compiled.compiler import target as kernel_target  # noqa: E402
 
 #: Where an installed package looks for machine code first.
-_KERNELS = "compiled/kernels"
+_KERNELS = "armwright/_src/compiled/kernels"
 #: The first date that a zip file can hold: equal contents make equal wheels.
 _DATE = (1980, 1, 1, 0, 0, 0)
+#: Program that prints where the machine code of all kernels is.
+_FILES = """
+from compiled.compiler import kernel_list, store
+from service.warm_up.kernels import LIST
+for name in {name for entry in kernel_list.read(LIST)[0] for name in entry.files}:
+    print(next(p for folder in store.layers() if (p := store.file_of(folder, name)).exists()))
+"""
 #: Kinds of processors that a wheel is for; those that this one is of.
 _TARGETS = tuple(kind for kind in ("x86-64-v3", "x86-64-v4") if kernel_target.available(kind))
 
@@ -70,19 +77,19 @@ def build_pure(source: Path) -> Path:
 
 
 def compile_for(target: str, source: Path) -> list[Path]:
-    """Compile all kernels of a copy of the sources for a kind of processor; give their files."""
-    store = source.parent / target
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(source), str(source / "client")]),
-        "ARMWRIGHT_KERNEL_TARGET": target,
-        "NUMBA_CACHE_DIR": str(store),
-        "ARMWRIGHT_KERNELS": str(store),
-    }
+    """Compile all kernels of a copy of the sources for a kind of processor; give their files.
+
+    Those that this user has compiled already, of the same code, are taken.
+    """
+    path = os.pathsep.join([str(source), str(source / "client")])
+    environment = os.environ | {"PYTHONPATH": path, "ARMWRIGHT_KERNEL_TARGET": target}
     print(f"Kernels for {target}:", flush=True)
-    subprocess.run(
-        [sys.executable, "-m", "service.cli", "warm"], cwd=source, env=environment, check=True
-    )
-    return sorted(store.iterdir())
+    for command in (["-m", "service.cli", "warm"], ["-c", _FILES]):
+        ran = subprocess.run(
+            [sys.executable, *command], cwd=source, env=environment, check=True,
+            stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+    return sorted(map(Path, ran.stdout.split("\n")[:-1]))
 
 
 def add_kernels(pure: Path, kernels: Sequence[Path], output: Path) -> Path:

@@ -95,7 +95,7 @@ def create_app(
     """
     chosen = settings or Settings()
     tracing = tracing or open_tracing(chosen.traces)
-    logging.getLogger("service").setLevel(chosen.log_level.upper())
+    logging.getLogger(__package__).setLevel(chosen.log_level.upper())
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:

@@ -44,7 +44,7 @@ class JsonFormatter(logging.Formatter):
             "time": time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
             + f".{int(record.msecs):03d}Z",
             "level": record.levelname.lower(),
-            "logger": record.name,
+            "logger": record.name.removeprefix("armwright._src."),
             "message": record.getMessage(),
         }
         for name, variable in _IDS.items():

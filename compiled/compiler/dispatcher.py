@@ -4,7 +4,6 @@ import contextlib
 import gc
 import hashlib
 import os
-import pickle
 import sys
 from collections.abc import Iterator
 from functools import cache
@@ -21,6 +20,7 @@ from numba.core.targetconfig import ConfigStack
 from compiled.compiler import machine_code
 from compiled.compiler.fingerprint import describe, settled_fingerprint
 from compiled.compiler.machine_code import Code
+from compiled.compiler.place import loads, plain
 from compiled.compiler.symbol import name_by_content
 from compiled.compiler.target import target
 from compiled.writes import Use, writable
@@ -196,7 +196,7 @@ class Kernel(CPUDispatcher):
             return machine_code.compiled(name, self.py_func, kinds, self._flags(), small)
 
     def _add(self, kinds: Any, code: Code) -> None:
-        fndesc, signature = pickle.loads(code.facts)
+        fndesc, signature = loads(code.facts)
         definition = Definition(code.name)
         self._uses[kinds] = code.use
         libraries = [] if code.bitcode is None else [machine_code.copied(code.name)]
@@ -222,7 +222,7 @@ class Kernel(CPUDispatcher):
             *_machinery(),
         )
         digest = hashlib.sha256(repr(made_from).encode()).hexdigest()[:32]
-        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+        name = f"{plain(self.py_func.__module__)}.{self.py_func.__qualname__}"
         return f"{name.translate(_IN_NO_FILE)[-100:]}-{digest}"
 
 

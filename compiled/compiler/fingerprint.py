@@ -13,6 +13,8 @@ import numpy as np
 from numba import types
 from numba.core.dispatcher import Dispatcher
 
+from compiled.compiler.place import plain
+
 #: Instructions that read a constant by its index.
 _READS_CONSTANT = frozenset(dis.hasconst)
 #: What a function is made from by itself, and the kernels that it names.
@@ -95,7 +97,7 @@ def _add_settled(value: object) -> str:
     if isinstance(value, FunctionType):
         return identity(value)
     if isinstance(value, type | ModuleType):
-        return f"{getattr(value, '__module__', '')}.{value.__name__}"
+        return f"{plain(getattr(value, '__module__', ''))}.{plain(value.__name__)}"
     raise _Untold
 
 
@@ -106,7 +108,7 @@ def describe(kind: Any) -> str:
         inside = ",".join(
             f"{name}:{describe(one)}" for name, one in zip(kind.fields, kind.types, strict=True)
         )
-        return f"{of.__module__}.{of.__qualname__}({inside})"
+        return f"{plain(of.__module__)}.{of.__qualname__}({inside})"
     if isinstance(kind, types.UniTuple):
         return f"{describe(kind.dtype)}*{kind.count}"
     if isinstance(kind, types.BaseTuple):
@@ -138,7 +140,8 @@ def _own(function: FunctionType, known: _Known) -> _Own:
 
 
 def _add_function(digest: Any, function: FunctionType, callees: dict[FunctionType, None]) -> None:
-    digest.update(f"{function.__module__}.{function.__qualname__}{function.__defaults__}".encode())
+    name = f"{plain(function.__module__)}.{function.__qualname__}"
+    digest.update(f"{name}{function.__defaults__}".encode())
     names: list[str] = []
     for code in _nested(_without_docstring(function)):
         digest.update(code.co_code)
@@ -197,7 +200,7 @@ def _add_value(
         digest.update(repr(list(value)).encode())
     elif isinstance(value, FunctionType):
         # One that numba knows by an overload, which may say its revision.
-        name = f"{value.__module__}.{value.__qualname__}"
+        name = f"{plain(value.__module__)}.{value.__qualname__}"
         digest.update(f"{name} {getattr(value, 'revision', 0)}".encode())
     elif isinstance(value, ModuleType) and value not in seen:
         seen.add(value)

@@ -4,7 +4,6 @@ Kernels that Python calls need a door besides; those that only kernels call are 
 they can be compiled at once in several processes, and are compiled on the way if they are not.
 """
 
-import pickle
 import pkgutil
 from collections.abc import Collection, Iterable
 from pathlib import Path
@@ -14,6 +13,7 @@ from compiled.compiler import machine_code, store
 from compiled.compiler.dispatcher import Kernel
 from compiled.compiler.fingerprint import callees
 from compiled.compiler.machine_code import Code
+from compiled.compiler.place import loads
 from compiled.compiler.signature import named_tuples, type_of_text, type_text
 
 #: Begins a line of a kernel that Python calls.
@@ -140,7 +140,7 @@ def stored(folder: Path) -> list[Entry]:
         if kernel is None or content is None:
             continue
         code = Code.unpickled(name, content)
-        kinds = pickle.loads(code.facts)[1].args
+        kinds = loads(code.facts)[1].args
         if kernel.names(kinds, door=False) == [name]:
             door = kernel.names(kinds, door=True)[-1] in names
             weight = round((len(code.machine_code) + len(code.bitcode or b"")) / 1024)

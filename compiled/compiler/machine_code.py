@@ -22,6 +22,7 @@ from compiled.compiler import library as kernel_library
 from compiled.compiler import store
 from compiled.compiler import symbol as kernel_symbol
 from compiled.compiler.library import Copied, Door, Whole
+from compiled.compiler.place import loads
 from compiled.writes import Use
 
 #: Instructions of machine code beyond which a kernel is called and not copied into its callers.
@@ -61,7 +62,7 @@ class Code:
     @classmethod
     def unpickled(cls, name: str, content: bytes) -> "Code":
         """The code of a name from the bytes of its file."""
-        return cls(name, *pickle.loads(content))
+        return cls(name, *loads(content))
 
 
 #: Every kernel that was compiled or read in this process, and the kernels' symbols.
@@ -151,7 +152,7 @@ def door(name: str, kernel: str, fndesc: Any, flags: Any) -> Code:
 def entry(code: Code) -> Any:
     """The function that Python calls, of a door."""
     load(code.name)
-    fndesc = pickle.loads(code.facts)
+    fndesc = loads(code.facts)
     address = _codegen()._engine.get_function_address(code.symbol)
     environment = lookup_environment(fndesc.env_name) or Environment.from_fndesc(fndesc)
     return _dynfunc.make_function(
@@ -184,7 +185,7 @@ def load(*names: str) -> None:
 @cache
 def _environments(name: str) -> Any:
     """The environments that code reads, which live as long as the process."""
-    return pickle.loads(_codes[name].environments)
+    return loads(_codes[name].environments)
 
 
 def _code(

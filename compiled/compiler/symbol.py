@@ -6,16 +6,18 @@ loads both runs one of them in place of the other.
 """
 
 import hashlib
-from functools import cache
+import importlib
+from functools import cache, wraps
 from types import FunctionType
 from typing import Any
 
-from numba.core import funcdesc, itanium_mangler
+from numba.core import environment, funcdesc, itanium_mangler, serialize
 from numba.core.base import BaseContext
 from numba.core.bytecode import FunctionIdentity
 from numba.core.cpu_options import FastMathOptions
 
 from compiled.compiler.fingerprint import identity
+from compiled.compiler.place import HERE, here, loads, plain
 
 #: How numba begins the names of functions that it writes for expressions of whole arrays, and of
 #: what those call; addresses follow.
@@ -50,6 +52,39 @@ def name_by_content() -> None:
         return f"{{{', '.join(map(repr, sorted(self.flags)))}}}" if self.flags else "set()"
 
     FastMathOptions.encode = encode
+    # Classes of answers, which machine code holds as pickles.
+    serialize.cloudpickle = _Pickles
+    if HERE:
+        _name_as_in_checkout()
+
+
+class _Pickles:
+    """What numba reads pickles with."""
+
+    loads = staticmethod(loads)
+
+
+def _name_as_in_checkout() -> None:
+    """Have numba name modules in symbols and pickles as a checkout does."""
+    described = funcdesc.FunctionDescriptor._get_function_info.__func__
+    found, rebuilt = funcdesc.FunctionDescriptor.lookup_module, environment._rebuild_env
+
+    def described_plainly(cls: Any, function: Any) -> Any:
+        name, unique, module, *more = described(cls, function)
+        return name, unique, plain(module), *more
+
+    def lookup_module(self: Any) -> Any:
+        if here(self.modname) != self.modname:
+            return importlib.import_module(here(self.modname))
+        return found(self)
+
+    @wraps(rebuilt)
+    def rebuild(module: str, *more: Any) -> Any:
+        return rebuilt(here(module), *more)
+
+    funcdesc.FunctionDescriptor._get_function_info = classmethod(described_plainly)
+    funcdesc.FunctionDescriptor.lookup_module = lookup_module
+    environment._rebuild_env = rebuild
 
 
 def without_addresses(function: FunctionType) -> FunctionType:

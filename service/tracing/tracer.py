@@ -6,7 +6,7 @@ from collections import OrderedDict
 
 from opentelemetry.context import Context, get_current
 from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
-from opentelemetry.sdk.resources import Resource
+from opentelemetry.sdk.resources import SERVICE_NAME, SERVICE_VERSION, Resource
 from opentelemetry.sdk.trace import SpanLimits, TracerProvider
 from opentelemetry.sdk.trace.export import (
     BatchSpanProcessor,
@@ -111,9 +111,9 @@ class Tracing:
     """
 
     def __init__(self, exporter: SpanExporter, *, at_once: bool = False) -> None:
-        resource = Resource.create({"service.version": VERSION})
-        if str(resource.attributes["service.name"]).startswith("unknown_service"):
-            resource = resource.merge(Resource({"service.name": "armwright"}))
+        resource = Resource.create({SERVICE_VERSION: VERSION})
+        if str(resource.attributes[SERVICE_NAME]).startswith("unknown_service"):
+            resource = resource.merge(Resource({SERVICE_NAME: "armwright"}))
         limits = SpanLimits(max_attribute_length=_ATTRIBUTE_LENGTH)
         self._provider = TracerProvider(
             resource=resource, span_limits=limits, shutdown_on_exit=False
