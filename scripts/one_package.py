@@ -1,8 +1,9 @@
 """Build step of setuptools: a wheel with one top-level package, ``armwright``.
 
 The packages of the repository lie side by side, with names that others have too. In a wheel they
-are ``armwright._src.planning`` and so on: files are moved, and whatever names a module is rewritten:
-imports, strings such as ``"planning.problem"`` and the lists of kernels. An editable install is the checkout as it stands.
+are ``armwright._src.planning`` and so on: files are moved, and whatever names a module is
+rewritten: imports, strings such as ``"planning.problem"`` and the lists of kernels. An editable
+install is the checkout as it stands.
 """
 
 import re
@@ -63,4 +64,6 @@ def rewritten(text: str, names: list[str], *, whole: bool = False) -> str:
     if whole:
         return re.sub(rf"(?<![\w.])(?=(?:{packages})\.\w)", f"{PLACE}.", text)
     text = re.sub(rf"(?m)^(\s*(?:from|import) )(?=(?:{packages})\b)", rf"\1{PLACE}.", text)
-    return re.sub(rf"""(?<=["'])(?=(?:{packages})(?:\.[a-z_]\w*)+(?::\w+)?["'])""", f"{PLACE}.", text)
+    return re.sub(
+        rf"""(?<=["'])(?=(?:{packages})(?:\.[a-z_]\w*)+(?::\w+)?["'])""", f"{PLACE}.", text
+    )

@@ -1,8 +1,9 @@
-"""Build wheels of Armwright: a pure one, one with the machine code of all kernels, the client's.
+"""Build wheels of Armwright: a pure one, one with the machine code of all kernels, those
+of client and checker.
 
     python scripts/wheels.py [--output dist] [--targets x86-64-v3 x86-64-v4]
 
-The second is for the Python that runs this and for processors of the targets' kinds; pip prefers
+`pip install --find-links dist armwright` takes them. The second is for the Python that runs this and for processors of the targets' kinds; pip prefers
 it where it fits. Elsewhere, and with other versions of numba, kernels are compiled as from the
 pure one. A kernel's key holds its code, numba's version, Python's and the target, so that a wheel
 can't bring machine code that does not fit.
@@ -30,11 +31,15 @@ from compiled.compiler import target as kernel_target  # noqa: E402
 _KERNELS = "armwright/_src/compiled/kernels"
 #: The first date that a zip file can hold: equal contents make equal wheels.
 _DATE = (1980, 1, 1, 0, 0, 0)
-#: Program that prints where the machine code of all kernels is.
+#: Program that prints where the machine code of all kernels is, with what it calls.
 _FILES = """
-from compiled.compiler import kernel_list, store
+from compiled.compiler import kernel_list, machine_code, store
 from service.warm_up.kernels import LIST
-for name in {name for entry in kernel_list.read(LIST)[0] for name in entry.files}:
+names = {name: None for entry in kernel_list.read(LIST)[0] for name in entry.files}
+for name in (pending := list(names)):
+    new = [need for need in machine_code.find(name).needs if need not in names]
+    names.update(dict.fromkeys(new))
+    pending += new
     print(next(p for folder in store.layers() if (p := store.file_of(folder, name)).exists()))
 """
 #: Kinds of processors that a wheel is for; those that this one is of.
@@ -49,13 +54,14 @@ def main() -> None:
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         source = copy_sources(Path(folder))
-        pure, client = build_pure(source), build_pure(source / "client")
+        pure = build_pure(source)
+        others = [build_pure(source / place) for place in ("client", "checkers/python")]
         kernels = [path for target in chosen.targets for path in compile_for(target, source)]
         chosen.output.mkdir(parents=True, exist_ok=True)
-        for wheel in (pure, client):
+        for wheel in (pure, *others):
             shutil.copy2(wheel, chosen.output)
         whole = add_kernels(pure, kernels, chosen.output)
-    for path in (chosen.output / pure.name, whole, chosen.output / client.name):
+    for path in (whole, *(chosen.output / wheel.name for wheel in (pure, *others))):
         print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
 
 
