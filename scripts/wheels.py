@@ -1,12 +1,11 @@
-"""Build wheels of Armwright: a pure one, one with the machine code of all kernels, those
-of client and checker.
+"""Build wheels of Armwright: pure, with the machine code of all kernels, of client and checker.
 
     python scripts/wheels.py [--output dist] [--targets x86-64-v3 x86-64-v4]
 
-`pip install --find-links dist armwright` takes them. The second is for the Python that runs this and for processors of the targets' kinds; pip prefers
-it where it fits. Elsewhere, and with other versions of numba, kernels are compiled as from the
-pure one. A kernel's key holds its code, numba's version, Python's and the target, so that a wheel
-can't bring machine code that does not fit.
+`pip install --find-links dist armwright` takes them. The second is for the Python that runs this
+and for processors of the targets' kinds; pip prefers it where it fits. Elsewhere, and with other
+versions of numba, kernels are compiled as from the pure one. A kernel's key holds its code, numba's
+version, Python's and the target, so that a wheel can't bring machine code that does not fit.
 """
 
 import argparse
