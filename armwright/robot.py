@@ -26,6 +26,7 @@ from kinematics.tree.serial_chain import select, serial_chain
 from kinematics.tree.srdf import Semantics, check_semantics, named_states, parse_srdf
 from kinematics.urdf.urdf import parse_urdf
 from kinematics.urdf.visuals import read_visuals, with_visual_solids
+from obstacles.collision.kept_robot import keep_robot
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.robots.touching_pairs import suspected_pairs
 
@@ -111,7 +112,9 @@ def _of_file(
     """The robot of a built-in name or of a file."""
     if isinstance(source, str) and source in builtin_names() and not Path(source).is_file():
         semantics = parse_srdf(builtin_srdf(source))
-        return _from_urdf(builtin_urdf(source), source, _mesh_beside(None), semantics, asked)
+        robot = _from_urdf(builtin_urdf(source), source, _mesh_beside(None), semantics, asked)
+        keep_robot(robot)
+        return robot
     path = Path(source)
     text = None if srdf is None else _require_file(Path(srdf)).read_text("utf-8")
     if path.is_dir() or path.suffix.lower() in _CONVERTED or xacro_args:

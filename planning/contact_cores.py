@@ -10,8 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linprog
-from scipy.spatial import HalfspaceIntersection, QhullError
+import scipy
 
 from kinematics.arrays import Array
 from obstacles.convex.hull import convex_hull
@@ -95,11 +94,15 @@ def _inner_corners(piece: Piece, depth: float) -> Array | None:
     planes = convex_hull(piece.vertices).planes
     normals, offsets = planes[:, :3], planes[:, 3] - max(depth - piece.offset_radius, 0.0)
     rows = np.column_stack([normals, np.ones(len(normals))])
-    found = linprog([0.0, 0.0, 0.0, -1.0], rows, offsets, bounds=[(None, None)] * 3 + [(0.0, None)])
+    found = scipy.optimize.linprog(
+        [0.0, 0.0, 0.0, -1.0], rows, offsets, bounds=[(None, None)] * 3 + [(0.0, None)]
+    )
     if found.x is None or found.x[3] <= _ROOM:
         return None
     try:
-        inner = HalfspaceIntersection(np.column_stack([normals, -offsets]), found.x[:3])
-    except QhullError:
+        inner = scipy.spatial.HalfspaceIntersection(
+            np.column_stack([normals, -offsets]), found.x[:3]
+        )
+    except scipy.spatial.QhullError:
         return None
     return np.unique(inner.intersections.round(12), axis=0)

@@ -21,6 +21,7 @@ from command_line.robot_files import is_file, robot_document
 from compiled.kept_file import make_private
 from kinematics.errors import ArmwrightError
 from kinematics.robots import builtin_names
+from obstacles.collision.kept_robot import keep_robot
 from obstacles.robots.robot_geometry import RobotGeometry
 from planning.values.deadline import Deadline
 from service.problem import ProblemError, from_fields
@@ -63,6 +64,7 @@ class LocalBackend:
             ProblemError: There is no such robot or file, or the file is malformed.
         """
         if source.robot in builtin_names():
+            keep_robot(worker_cache.robot(builtin_reference(source.robot)).geometry)
             return source.robot
         kept = added(source.robot)
         if kept is not None:

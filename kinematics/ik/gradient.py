@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidPose
@@ -391,7 +391,9 @@ def _flow_until(system: _System, q: Array, duration: float) -> tuple[list[float]
             )
         return _rate(system, at)
 
-    flow = solve_ivp(rate, (0.0, duration), q, method="DOP853", rtol=1e-9, atol=1e-11)
+    flow = scipy.integrate.solve_ivp(
+        rate, (0.0, duration), q, method="DOP853", rtol=1e-9, atol=1e-11
+    )
     return flow.t.tolist(), list(flow.y.T)
 
 

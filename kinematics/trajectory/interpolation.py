@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
@@ -54,7 +54,7 @@ def interpolate(
         ends: Literal["natural", "clamped"]
         ends = "natural" if interpolation == "natural_spline" else "clamped"
         # From scipy's descending powers (4, m - 1, n) to ours (m - 1, n, 4).
-        c = np.moveaxis(CubicSpline(t, q, bc_type=ends).c[::-1], 0, 2)
+        c = np.moveaxis(scipy.interpolate.CubicSpline(t, q, bc_type=ends).c[::-1], 0, 2)
         return Trajectory(tuple(joint_names), t - t[0], c)
     needed = {"linear": 0, "cubic": 1, "quintic": 2}[interpolation]
     derivatives = [q]

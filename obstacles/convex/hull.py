@@ -3,8 +3,8 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
@@ -85,8 +85,8 @@ def corners_and_volume(points: Array) -> tuple[Array, float]:
     """
     points = _without_inner(points)
     try:
-        hull = ConvexHull(points)
-    except (QhullError, ValueError):
+        hull = scipy.spatial.ConvexHull(points)
+    except (scipy.spatial.QhullError, ValueError):
         return convex_hull(points).vertices, 0.0
     return np.ascontiguousarray(points[hull.vertices]), float(hull.volume)
 
@@ -156,11 +156,11 @@ def convex_hull(points: Array) -> Hull:
     if rank == 3:
         try:
             return _solid(points)
-        except QhullError:
+        except scipy.spatial.QhullError:
             rank = 2  # thinner than qhull can tell from flat
     if rank == 2:
         flat = (points - center) @ axes[:2].T
-        return _polygon(points[ConvexHull(flat).vertices])
+        return _polygon(points[scipy.spatial.ConvexHull(flat).vertices])
     if rank == 1:
         along = (points - center) @ axes[0]
         points = points[[int(np.argmin(along)), int(np.argmax(along))]]
@@ -171,7 +171,7 @@ def convex_hull(points: Array) -> Hull:
 
 
 def _solid(points: Array) -> Hull:
-    hull = ConvexHull(points)
+    hull = scipy.spatial.ConvexHull(points)
     corners = hull.vertices
     number = np.full(len(points), -1)
     number[corners] = np.arange(len(corners))

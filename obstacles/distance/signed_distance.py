@@ -19,7 +19,7 @@ for each pair of pieces, tuples cost 2.2 us instead of 0.9 us.
 """
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+import scipy
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
@@ -169,13 +169,13 @@ class _Polytope:
     """
 
     def __init__(self, points: Array) -> None:
-        self._grown: ConvexHull | None = None
+        self._grown: scipy.spatial.ConvexHull | None = None
         self.hull = self._begin(points)
 
     def _begin(self, points: Array) -> Hull:
         try:
-            self._grown = ConvexHull(points, incremental=True)
-        except QhullError:
+            self._grown = scipy.spatial.ConvexHull(points, incremental=True)
+        except scipy.spatial.QhullError:
             self._grown = None
             return convex_hull(points)
         return _planes_only(self._grown)
@@ -187,12 +187,12 @@ class _Polytope:
                 self._grown.add_points(points)
                 self.hull = _planes_only(self._grown)
                 return
-            except QhullError:
+            except scipy.spatial.QhullError:
                 pass  # what rounding errors have spoiled is built anew
         self.hull = self._begin(np.vstack([self.hull.vertices, points]))
 
 
-def _planes_only(hull: ConvexHull) -> Hull:
+def _planes_only(hull: "scipy.spatial.ConvexHull") -> Hull:
     planes = np.array(hull.equations)
     planes[:, 3] *= -1.0
     number = np.full(len(hull.points), -1)

@@ -9,9 +9,8 @@ cavity of that one; others are solid, whichever way round the file has them.
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from kinematics.arrays import Array, Indices
 from kinematics.caches.preparation_limit import check_preparation_time
@@ -122,8 +121,10 @@ def _connected(faces: Faces, size: int) -> Indices:
 def _components(pairs: Indices, size: int) -> Indices:
     """Components of a graph of ``size`` nodes by its edges (p, 2), shape (size,)."""
     ones = np.ones(len(pairs), dtype=np.int8)
-    graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(size, size))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    graph = scipy.sparse.coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(size, size))
+    return np.asarray(
+        scipy.sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.int64
+    )
 
 
 def _first_of_each(faces: Faces) -> Indices:

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from io import BytesIO
 from typing import Any, NamedTuple
 
-import collada
 import numpy as np
 
 from kinematics.arrays import Array
@@ -75,6 +74,8 @@ def paint_parts(data: bytes) -> list[Painted]:
         else:
             root.remove(child)
     _check_size(root)
+    import collada  # noqa: PLC0415  seldom needed, and long
+
     with warnings.catch_warnings():
         # pycollada multiplies numpy's matrices, which numpy would rather not have.
         warnings.simplefilter("ignore", PendingDeprecationWarning)
@@ -224,6 +225,6 @@ def _strip_looks(element: Element) -> None:
 
 def _corners(part: Any) -> Array | None:
     cut = part.triangleset() if hasattr(part, "triangleset") else part
-    if not isinstance(cut, collada.triangleset.BoundTriangleSet):
+    if type(cut).__name__ != "BoundTriangleSet":
         return None
     return np.array(cut.vertex[cut.vertex_index], dtype=np.float64)

@@ -12,7 +12,6 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, frozen
@@ -126,6 +125,8 @@ def load_painted(
 
 
 def _read(data: bytes, kind: str) -> tuple[Array, Faces]:
+    import trimesh  # noqa: PLC0415  a tenth of a second, for meshes only
+
     if kind == "dae":
         mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles(data)), process=False)
         mesh.merge_vertices()

@@ -9,7 +9,7 @@ from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption, InvalidTrajectory
@@ -544,6 +544,6 @@ def _led_notes(points: Array, numbers: Indices) -> tuple[str, ...]:
     out = np.setdiff1d(np.arange(len(points)), numbers)
     if not len(out):
         return ()
-    away = np.max(cKDTree(points[numbers]).query(points[out])[0])
+    away = np.max(scipy.spatial.cKDTree(points[numbers]).query(points[out])[0])
     listed = ", ".join(map(str, out))
     return (f"The spline leaves out waypoint(s) {listed}, at most {away:.3g} from others.",)

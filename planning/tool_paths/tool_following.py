@@ -12,8 +12,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+<<<<<<< HEAD
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+=======
+import scipy
+>>>>>>> dbed3af0 (Speed up the first plan of a process)
 
 from kinematics.arrays import Array
 from kinematics.ik.numeric import numeric
@@ -359,5 +363,5 @@ def _spline(places: Array, joints: Array) -> JointPath:
         step = (joints[1] - joints[0]) / (places[1] - places[0])
         zero = np.zeros_like(step)
         return JointPath(np.stack([joints[0], step, zero, zero], -1)[None], np.diff(places))
-    c = CubicSpline(places, joints, bc_type="not-a-knot").c[::-1]
+    c = scipy.interpolate.CubicSpline(places, joints, bc_type="not-a-knot").c[::-1]
     return JointPath(np.ascontiguousarray(np.moveaxis(c, 0, 2)), np.diff(places))

@@ -5,16 +5,15 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from compiled.compiler import store
 from kinematics import pose as rotation
 from kinematics.forward import forward
 from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
+from obstacles.collision.kept_robot import kept_solids
 from obstacles.kept_files import keep_files_in, written_files
 from obstacles.scenes.scene import Scene
 from planning.search.rrt_connect import rrt_connect
@@ -96,17 +95,13 @@ def _load(name: str) -> None:
     _ = worker_cache.robot(builtin_reference(name)).geometry
 
 
-def _kept_solids() -> Path:
-    return store.user_folder() / "solids"
-
-
 def _keep_apart(name: str) -> None:
     """Spheres and grids of a built-in robot's links: up to 0.9 s, which each worker would take.
 
     They lie beside the machine code from then on, where the next server finds them.
     """
     geometry = worker_cache.robot(builtin_reference(name)).geometry
-    keep_files_in(_kept_solids())
+    keep_files_in(kept_solids())
     with written_files():
         Checker.of(geometry, Scene()).clearance(np.zeros(geometry.chain.n))
 

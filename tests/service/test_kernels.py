@@ -137,7 +137,7 @@ def test_the_next_server_finds_them_on_disk(
         collision_model._robot_part, brackets.brackets, sphere_set._spheres, pair_grid._values,
     )  # fmt: skip
     monkeypatch.setattr(kept_files, "_directory", None)  # as it was, afterwards
-    monkeypatch.setattr(warm_requests, "_kept_solids", lambda: tmp_path)
+    monkeypatch.setattr(warm_requests, "kept_solids", lambda: tmp_path)
     for cache in in_memory:
         cache.cache_clear()
     warm_requests._keep_apart("scara")

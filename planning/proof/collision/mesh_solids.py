@@ -14,10 +14,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
@@ -153,15 +151,17 @@ def _corner_numbers(points: Array) -> Indices:
     """Numbers of corners, (k,), alike for those that are in one place."""
     places, number = np.unique(points, axis=0, return_inverse=True)
     reach = _ONE_PLACE * float(np.linalg.norm(np.ptp(places, axis=0)))
-    near = cKDTree(places).query_pairs(reach, output_type="ndarray")
+    near = scipy.spatial.cKDTree(places).query_pairs(reach, output_type="ndarray")
     return _component_numbers(near, len(places))[number.reshape(-1)]
 
 
 def _component_numbers(links: Indices, size: int) -> Indices:
     """Number of the connected part of each of ``size`` nodes, by the links (k, 2) between them."""
     ones = np.ones(len(links), dtype=np.int8)
-    graph = coo_array((ones, (links[:, 0], links[:, 1])), shape=(size, size))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    graph = scipy.sparse.coo_array((ones, (links[:, 0], links[:, 1])), shape=(size, size))
+    return np.asarray(
+        scipy.sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.int64
+    )
 
 
 def _sides(corners: Indices) -> tuple[Indices, Array, Indices]:

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
@@ -332,7 +332,7 @@ def _time_at(phase: Array, place: float) -> float:
     if half == sixth == 0.0:
         return (place - start) / v
     return float(
-        brentq(
+        scipy.optimize.brentq(
             lambda t: start + (v + (half + sixth * t) * t) * t - place, 0.0, duration, xtol=1e-15
         )
     )

@@ -24,9 +24,8 @@ from collections.abc import Sequence
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline, make_lsq_spline
-from scipy.linalg import solve_banded
 
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption, InvalidTrajectory
@@ -212,7 +211,7 @@ def _second_derivatives(h: Array, d: Array, velocities: EndVelocities) -> Array:
     if end is not None:
         bands[1, -1], bands[2, -2] = 2.0 * h[-1], h[-1]
         right[-1] = 6.0 * (end - d[-1])
-    return np.asarray(solve_banded((1, 1), bands, right))
+    return np.asarray(scipy.linalg.solve_banded((1, 1), bands, right))
 
 
 def smooth_curve(points: Array, tolerance: float, norm: float) -> tuple[JointPath, float] | None:
@@ -282,7 +281,7 @@ def _near_simplified(
     if len(steps) > _MOST_LEGS or not (steps > 0.0).all():
         return None
     along, legs = np.concatenate([[0.0], np.cumsum(steps)]), np.arange(len(corners))
-    line = BSpline(np.concatenate([along[:1], along, along[-1:]]), corners, 1)
+    line = scipy.interpolate.BSpline(np.concatenate([along[:1], along, along[-1:]]), corners, 1)
     for share in _SPANS:
         spans = max(int(share * len(steps)), 2)
         knots = np.interp(np.linspace(0.0, len(steps), spans + 1), legs, along)
@@ -290,7 +289,7 @@ def _near_simplified(
         places = np.interp(fractions, np.arange(spans + 1.0), knots)
         ends = np.repeat(along[[0, -1]], 3)
         all_knots = np.concatenate([ends[:3], knots, ends[3:]])
-        fitted = make_lsq_spline(places, line(places), all_knots, 3)
+        fitted = scipy.interpolate.make_lsq_spline(places, line(places), all_knots, 3)
         # The ends are met exactly.
         fitted.c[[0, -1]] = corners[[0, -1]]
         distance = float(_distances(fitted, line, norm)[1].max())
@@ -299,7 +298,7 @@ def _near_simplified(
     return None
 
 
-def _powers(spline: BSpline, starts: Array) -> Array:
+def _powers(spline: "scipy.interpolate.BSpline", starts: Array) -> Array:
     """Coefficients of the polynomials from some places on, in ascending powers, shape (m, n, 4)."""
     factorials = (1.0, 1.0, 2.0, 6.0)
     orders = [spline(starts, nu=order) / factor for order, factor in enumerate(factorials)]
@@ -311,6 +310,10 @@ def _distances(curve: BSpline, line: BSpline, norm: float) -> tuple[Array, Array
 
     The distance is that at the same parameter.
     """
+def _distance(
+    curve: "scipy.interpolate.BSpline", line: "scipy.interpolate.BSpline", norm: float
+) -> float:
+    """A bound of the distance of two splines at the same parameter."""
     places = np.unique(np.concatenate([curve.t, line.t]))
     starts, lengths = places[:-1], np.diff(places)
     powers = _powers(curve, starts)
