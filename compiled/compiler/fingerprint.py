@@ -160,10 +160,8 @@ def _without_docstring(function: FunctionType) -> CodeType:
     code, docstring = function.__code__, function.__doc__
     if docstring is None or code.co_consts[:1] != (docstring,):
         return code
-    if any(
-        op in _READS_CONSTANT and k == 0
-        for op, k in zip(code.co_code[::2], code.co_code[1::2], strict=True)
-    ):
+    instructions = set(zip(code.co_code[::2], code.co_code[1::2], strict=True))
+    if any((op, 0) in instructions for op in _READS_CONSTANT):
         return code
     return code.replace(co_consts=(None, *code.co_consts[1:]))
 
