@@ -9,6 +9,7 @@ from command_line.commands.bench import bench
 from command_line.commands.doctor import doctor
 from command_line.commands.files import export, project, sweep
 from command_line.commands.identify import fit, identify
+from command_line.commands.formulas import equations, jacobian, pose
 from command_line.commands.kinematics import fk, ik, reach
 from command_line.commands.motions import (
     check,
@@ -40,6 +41,9 @@ _COMMANDS: tuple[Callable[..., None], ...] = (
     plan,
     ik,
     fk,
+    jacobian,
+    pose,
+    equations,
     check,
     validate,
     witness,

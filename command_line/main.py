@@ -6,8 +6,13 @@ Commands of the server start as quickly as before: nothing that they do not need
 import sys
 from collections.abc import Sequence
 
+from command_line.interrupt import ends_quietly
+
 #: Commands that `service.cli` parses.
 SERVER_COMMANDS = ("serve", "agent", "warm", "keys", "audit")
+
+#: Exit code of a command that Ctrl-C ended, as shells have it.
+INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -17,6 +22,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Arguments of the command line, without the program's name.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        with ends_quietly():
+            return _run(words)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def _run(words: list[str]) -> int:
     if words and words[0] in SERVER_COMMANDS:
         from service.cli import main as server_main  # noqa: PLC0415
 

@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from command_line.interrupt import interrupted
 from kinematics.errors import ArmwrightError
 from service.http.errors import document, from_domain
 from service.problem import ProblemError
@@ -135,6 +136,8 @@ def shows_problems(as_json: bool) -> Iterator[None]:
     except (typer.Exit, typer.Abort):
         raise
     except Exception as error:
+        if interrupted():  # modules that are interrupted while they load end with faults of theirs
+            raise KeyboardInterrupt from None
         if os.environ.get(_DEBUG):
             raise
         problem = _document(error)

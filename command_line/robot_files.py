@@ -3,7 +3,9 @@
 import base64
 import json
 import re
+import sys
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -16,6 +18,8 @@ from command_line.problems import invalid_value
 P = ParamSpec("P")
 A = TypeVar("A")
 
+#: Path that stands for standard input.
+STANDARD_INPUT = "-"
 #: Characters that names of robots do not have.
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_.-]")
 _ROBOT_HINT = (
@@ -74,13 +78,29 @@ def read_json(path: Path) -> dict[str, Any]:
     Raises:
         ProblemError: It is no JSON object.
     """
-    try:
-        value = json.loads(path.read_text("utf-8"))
-    except ValueError as error:
-        raise invalid_value(str(path), f"it is not JSON: {error}") from None
+    value = read_any(path)
     if not isinstance(value, dict):
         raise invalid_value(str(path), "a JSON object is needed")
     return value
+
+
+def read_any(path: Path) -> Any:
+    """The JSON value of a file, or of standard input for ``-``.
+
+    Raises:
+        ProblemError: It is no JSON.
+    """
+    is_input = str(path) == STANDARD_INPUT
+    try:
+        return json.loads(_standard_input() if is_input else path.read_text("utf-8"))
+    except ValueError as error:
+        raise invalid_value(str(path), f"it is not JSON: {error}") from None
+
+
+@cache
+def _standard_input() -> str:
+    """All of standard input, which can be read once only."""
+    return sys.stdin.read()
 
 
 def _of_package(name: str) -> Path:

@@ -8,8 +8,10 @@ from typing import Any
 from armwright_client.robots.sources import is_mjcf
 from command_line.parameters import Cell, Mounted
 from command_line.problems import invalid_value
-from command_line.robot_files import described, read_json
+from command_line.robot_files import STANDARD_INPUT, described, read_any, read_json
 
+#: Rows of a Jacobian: velocities along these axes, and about them.
+AXES = ("x", "y", "z", "rx", "ry", "rz")
 #: Fields of a goal; an object without any of them is a pose.
 _GOAL_FIELDS = {"joints", "state", "pose", "any_of"}
 _POSE_HINT = (
@@ -20,7 +22,7 @@ _MOVEIT_FILES = (".yaml", ".yml", ".scene")
 
 
 def read_value(name: str, text: str) -> Any:
-    """The value of an option: JSON, numbers between commas, a JSON file, or a word.
+    """The value of an option: JSON, numbers between commas, a JSON file, or a word; - is stdin.
 
     Args:
         name: The option.
@@ -34,6 +36,8 @@ def read_value(name: str, text: str) -> Any:
             return json.loads(text)
         except ValueError as error:
             raise invalid_value(name, f"it is not JSON: {error}") from None
+    if text == STANDARD_INPUT:
+        return read_any(Path(text))
     numbers = _numbers(text)
     if numbers is not None:
         return numbers
@@ -179,6 +183,11 @@ def _answer(document: dict[str, Any]) -> dict[str, Any]:
         return document
     answer = document["answer"]
     return dict(json.loads(answer) if isinstance(answer, str) else answer)
+
+
+def words(text: str | None) -> list[str] | None:
+    """The words between commas of an option; None for none."""
+    return None if text is None else [word.strip() for word in text.split(",")]
 
 
 def _numbers(text: str) -> list[float] | None:

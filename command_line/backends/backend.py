@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from command_line.backends.endpoints import Endpoint
 from command_line.parameters import Connection, RobotSource
@@ -31,6 +31,9 @@ class Backend(Protocol):
 
     def answer(self, endpoint: Endpoint, robot: str | None, body: dict[str, Any]) -> bytes:
         """The answer to a request."""
+
+    def equations(self, robot: str, notation: Literal["latex", "text"], axes: list[str]) -> bytes:
+        """The formulas of a robot, as ``GET /v1/robots/{name}/equations`` answers them."""
 
     def close(self) -> None:
         """Remove what was made for this command alone."""

@@ -32,6 +32,19 @@ FK = Endpoint(
     "service.endpoints.kinematics.task:fk_task",
     takes_scene=False,
 )
+JACOBIAN = Endpoint(
+    "/v1/robots/{robot}/jacobian",
+    "armwright_wire.robots.kinematics:JacobianRequest",
+    "service.endpoints.kinematics.task:jacobian_task",
+    takes_scene=False,
+)
+CONVERT_POSE = Endpoint(
+    "/v1/poses/convert",
+    "armwright_wire.pose:ConvertPoseRequest",
+    "service.endpoints.kinematics.task:convert_pose",
+    takes_robot=False,
+    takes_scene=False,
+)
 IK = Endpoint(
     "/v1/robots/{robot}/ik",
     "armwright_wire.robots.kinematics:IkRequest",

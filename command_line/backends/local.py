@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import platformdirs
 from rich.console import Console
@@ -189,6 +189,13 @@ class LocalBackend:
 
         model = self._run(robot_model, [self._reference(name)])
         return dict(json.loads(model.answer))
+
+    def equations(self, robot: str, notation: Literal["latex", "text"], axes: list[str]) -> bytes:
+        """The formulas of a robot."""
+        from service.endpoints.dynamics.equations import equations  # noqa: PLC0415
+
+        arguments = [self._reference(robot), self._documents.get(robot), notation, tuple(axes)]
+        return bytes(self._run(equations, arguments))
 
     def robot_names(self) -> list[dict[str, Any]]:
         """Summaries of the built-in robots, and of those that were added on this machine."""

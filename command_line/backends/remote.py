@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, Literal
 from urllib.parse import quote
 
 from pydantic import ConfigDict
@@ -135,6 +135,12 @@ class RemoteBackend:
     def robot_model(self, name: str) -> dict[str, Any]:
         """The model of a robot."""
         return dict(json.loads(self._send("GET", path_of("robots", name))))
+
+    def equations(self, robot: str, notation: Literal["latex", "text"], axes: list[str]) -> bytes:
+        """The formulas of a robot."""
+        rows = f"&axes={quote(','.join(axes))}" if axes else ""
+        path = f"/v1/robots/{quote(robot, safe='')}/equations?format={notation}{rows}"
+        return self._send("GET", path)
 
     def robot_names(self) -> list[dict[str, Any]]:
         """Summaries of all robots."""

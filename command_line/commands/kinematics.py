@@ -118,6 +118,14 @@ def ik(
     link: Annotated[str | None, typer.Option(help="The link; the tip if left out.")] = None,
     seed_joints: Annotated[str | None, typer.Option(help="Where nearest is counted from.")] = None,
     scene: Annotated[str | None, typer.Option(help="A scene file, or a stored scene.")] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(help="auto, analytic, numeric, gradient or constrained; auto if left out."),
+    ] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option(help="Axes of the pose's frame that count, between commas: x, y, rz."),
+    ] = None,
 ) -> None:
     """Find the configurations that bring a link to a pose, best first."""
     with connect(connection) as backend:
@@ -126,6 +134,8 @@ def ik(
             "pose": values.pose("--pose", pose),
             "link": link,
             "scene": values.scene(scene),
+            "method": method,
+            "axes": values.words(axes),
         }
         body = {field: value for field, value in given.items() if value is not None}
         body |= values.mounted(mounted)

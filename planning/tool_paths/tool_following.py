@@ -12,12 +12,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-<<<<<<< HEAD
-from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-=======
 import scipy
->>>>>>> dbed3af0 (Speed up the first plan of a process)
+from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.ik.numeric import numeric

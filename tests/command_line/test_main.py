@@ -1,5 +1,7 @@
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -91,3 +93,18 @@ def test_a_shell_gets_completions() -> None:
         check=False,
     )
     assert answer.stdout.split() == ["robots"], answer.stderr
+
+
+@pytest.mark.parametrize("delay", [0.3, 1.0, 2.0])
+def test_ctrl_c_ends_a_command_in_silence(delay: float) -> None:
+    """While it loads and while it plans; a planner that looks for the best has no other end."""
+    words = ["plan", "panda", "--start=home", "--goal=1.2,-0.3,0,-2,0,1.8,0.785"]
+    words += ["--planner", "rrt_star", "--timeout", "60"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "armwright", *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT,
+    )  # fmt: skip
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=60) == (b"", b"")
+    assert process.returncode == 130

@@ -12,10 +12,6 @@ from dataclasses import replace
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-<<<<<<< HEAD
-from scipy.linalg import solveh_banded
-=======
->>>>>>> dbed3af0 (Speed up the first plan of a process)
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
@@ -122,72 +118,7 @@ def _knots(places: SeamPlaces, first: int, last: int) -> NDArray[np.int64]:
     return np.array([*chosen, last])
 
 
-<<<<<<< HEAD
 def with_fewer_ranges(places: SeamPlaces, position: float) -> Iterator[SeamPlaces]:
-=======
-def _spline_within(
-    checker: Checker,
-    places: SeamPlaces,
-    number: int,
-    knots: tuple[Array, Array],
-    deviations: Tolerances,
-    own_places: bool,
-) -> JointPath | None:
-    """The spline through the configurations of a run, with more of them where it needs them."""
-    chain, run = checker.model.chain, places.runs[number]
-    limits = chain.limits
-    s, q = knots
-    parts = run.parts
-    begins = np.array([part.begin for part in parts])
-    # Share of the deviations allowed that the spline may use.
-    allowed = np.array([0.7 * value for value in deviations.pair])
-    shares = (np.arange(_LOOKS) + 0.5) / _LOOKS
-    # Times that places are put where the spline leaves the tolerance.
-    for _ in range(7):
-        spline = scipy.interpolate.CubicSpline(
-            s, q, bc_type="not-a-knot" if len(s) > 3 else "natural"
-        )
-        looks = (s[:-1, None] + np.outer(np.diff(s), shares)).ravel()
-        seen = spline(looks)
-        T = forward(chain, seen)
-        nominal = run.poses(looks)
-        owner = np.searchsorted(begins, looks, side="right") - 1
-        over = np.zeros((len(looks), 2))
-        for tolerance in set(run.tolerances):
-            mine = np.array([t is tolerance for t in run.tolerances])[owner]
-            over[mine] = tolerance.excess(tolerance.deviations(nominal[mine], T[mine]))
-        wrong = (over > allowed).any(axis=1)
-        wrong |= ((seen < limits.lower) | (seen > limits.upper)).any(axis=1)
-        pieces = np.flatnonzero(wrong.reshape(-1, _LOOKS).any(axis=1))
-        if not pieces.size:
-            c = np.ascontiguousarray(np.moveaxis(spline.c[::-1], 0, 2))
-            path = JointPath(c, np.diff(s))
-            # Share that it may use as seen from the places that the tool is at, as the proof
-            # measures.
-            most = 0.95 * np.array(deviations.pair)
-            if own_places and not is_within_at_own_places(run, T, most):
-                return None
-            low, high = Trajectory(chain.joint_names, path.breaks, c).piece_extrema()
-            is_inside = (low >= limits.lower).all() and (high <= limits.upper).all()
-            return path if is_inside else None
-        at = 0.5 * (s[pieces] + s[pieces + 1])
-        more = np.ascontiguousarray(spline(at))
-        where = np.searchsorted(begins, at, side="right") - 1
-        boxes = np.array([pack_tolerance(run.tolerances[k]) for k in where])
-        errors = np.empty((len(at), 2))
-        # Newton steps of a projection.
-        project_kernel(
-            chain.model, run.poses(at), boxes,
-            np.array([limits.lower, limits.upper]), 12, more, errors,
-        )  # fmt: skip
-        if errors.max() > _REACHED:
-            return None
-        s, q = np.insert(s, pieces + 1, at), np.insert(q, pieces + 1, more, axis=0)
-    return None
-
-
-def with_fewer_ranges(places: SeamPlaces, position: float) -> Iterator[tuple[SeamPlaces, bool]]:
->>>>>>> dbed3af0 (Speed up the first plan of a process)
     """The places as asked for, with ranges across the path only, and with exact positions.
 
     Args:
