@@ -30,6 +30,7 @@ from planning.exports.export import Export as Export
 from planning.exports.export import export as export
 from planning.exports.options import ExportFormat as ExportFormat
 from planning.exports.options import ExportOptions as ExportOptions
+from planning.exports.recording import record as record
 from planning.exports.swept_volume import SweptVolume as SweptVolume
 from planning.exports.swept_volume import swept_volume as swept_volume
 from planning.guard.gate import Guard as Guard

@@ -1,6 +1,7 @@
 """The commands that write motions to files and project points onto obstacles."""
 
 import json
+from base64 import b64decode
 from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -78,6 +79,8 @@ def _answer(connection: Connection, scene: dict[str, Any] | str, body: dict[str,
         return backend.projections(scene, body)
 
 
+#: Format of a file that is no text.
+_RECORDING = "mcap"
 #: Files of meshes that `sweep` writes, by their suffix.
 _MESH_FILES = (".glb", ".stl")
 
@@ -106,7 +109,7 @@ def export(
         typer.Option(
             "--format",
             help="joint_trajectory_json, joint_trajectory_yaml, ros2_control, csv, "
-            "urscript_servoj, urscript_movej, rapid or krl.",
+            "urscript_servoj, urscript_movej, rapid, krl or mcap, a recording for Foxglove.",
         ),
     ],
     request: Request,
@@ -115,6 +118,8 @@ def export(
     sample_period: Annotated[float, typer.Option(help="Time between points [s].")] = 0.01,
 ) -> None:
     """Write a motion for a robot controller, with a proof; exit with 1 where it is not proved."""
+    if form == _RECORDING and request.output is None and not connection.as_json:
+        raise invalid_value("--output", "a recording is no text", "Name a file: -o motion.mcap.")
     body: dict[str, Any] = values.mounted(mounted) | {
         "trajectory": values.motion(motion),
         "format": form,
@@ -126,10 +131,11 @@ def export(
     }
     content = ask(connection, EXPORT, robot, request._replace(output=None), body)
     answer = json.loads(content)
-    if not connection.as_json and request.output is None:
+    if not connection.as_json and request.output is None and form != _RECORDING:
         print_line(answer["content"].rstrip("\n"))
     if request.output is not None:
-        save(request.output, answer["content"].encode())
+        text = answer["content"]
+        save(request.output, b64decode(text) if form == _RECORDING else text.encode())
     errors = Console(stderr=True, highlight=False)
     errors.print(Text("proved" if answer["proved"] else "not proved", style="bold"))
     errors.print(Text(against(answer["certificate"])), soft_wrap=True)

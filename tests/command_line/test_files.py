@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import trimesh
+from mcap.reader import make_reader
 
 from tests.command_line.commands import Run
 
@@ -35,6 +36,20 @@ def test_a_motion_is_written_for_a_controller(run: Run, motion: str, tmp_path: P
     assert run(*words, "-o", str(file)).code == 0
     assert file.read_text().rstrip("\n") == shown.out.rstrip("\n")
     assert run(*words, "--json").json["point_count"] == 3
+
+
+def test_a_recording_is_a_file(run: Run, motion: str, tmp_path: Path) -> None:
+    words = ("export", "planar_rr", motion, "--format", "mcap", "--sample-period", "0.5")
+    file = tmp_path / "motion.mcap"
+    assert run(*words, "-o", str(file)).code == 0
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_end_time == 1_000_000_000
+    refused = run(*words)
+    assert (refused.code, refused.out) == (3, "")
+    assert "-o motion.mcap" in refused.err
 
 
 def test_an_export_that_collides_exits_with_1(run: Run, motion: str, tmp_path: Path) -> None:

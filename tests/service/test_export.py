@@ -1,11 +1,15 @@
 """Exports over HTTP: the answer is that of the library, read back and sampled by other code."""
 
+import base64
+import io
+import json
 from typing import Any
 
 import httpx
 import numpy as np
 import pytest
 import yaml
+from mcap.reader import make_reader
 from scipy.interpolate import BPoly
 
 from armwright_wire.motions.export import ExportAnswer
@@ -53,6 +57,21 @@ def test_a_goal_for_ros2_control_is_as_clear_as_proved(client: httpx.Client) -> 
     least = min(world.clearance(q).distance for q in dense[::8])
     assert 0.0 < given["certificate"]["min_clearance"] <= least + 1e-7
     assert {row["position"] for row in goal["path_tolerance"]} == {given["joint_tolerance"]}
+
+
+def test_a_recording_shows_the_motion_that_is_proved(client: httpx.Client) -> None:
+    given = export(client, format="mcap", sample_period=0.5, name="pick")
+    assert (given["file_name"], given["proved"], given["unproved"]) == ("pick.mcap", True, [])
+    reader = make_reader(io.BytesIO(base64.b64decode(given["content"])))
+    rows: dict[str, list[Any]] = {}
+    for _, channel, message in reader.iter_messages():
+        rows.setdefault(channel.topic, []).append((message.log_time, json.loads(message.data)))
+    assert [time for time, _ in rows["/joint_states"]] == [i * 500_000_000 for i in range(7)]
+    middle = [joint["position"] for joint in rows["/joint_states"][3][1]["joints"]]
+    np.testing.assert_allclose(middle, 0.5 * (np.array(HOME) + np.array(ASIDE)), atol=1e-9)
+    least = min(value["distance"] for _, value in rows["/clearance"])
+    assert least >= given["certificate"]["min_clearance"] - 1e-9
+    assert [one["id"] for one in rows["/scene"][0][1]["entities"]] == [FLOOR["id"]]
 
 
 def test_a_program_says_what_is_not_proved(client: httpx.Client) -> None:

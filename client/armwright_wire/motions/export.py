@@ -20,6 +20,7 @@ Format = Literal[
     "urscript_movej",
     "rapid",
     "krl",
+    "mcap",
 ]
 
 
@@ -82,7 +83,7 @@ class ExportAnswer(Answer):
 
     format: Format = Field(description="kind of file")
     file_name: str = Field(examples=["armwright.yaml"], description="under which to save it")
-    content: str = Field(description="the text of the file")
+    content: str = Field(description="the text of the file; of mcap its bytes in base64")
     point_count: int = Field(description="points in the file")
     interpolation: Literal["quintic", "cubic", "linear", "straight_legs"] = Field(
         description="the rule between the points that the proof is about"

@@ -1,10 +1,13 @@
 """Exports of motions as requests ask for them, in workers."""
 
+from base64 import b64encode
+
 from pydantic_core import to_json
 
 from armwright_wire.motions.export import ExportRequest
 from planning.exports.export import export as write_motion
 from planning.exports.options import ExportFormat, ExportOptions
+from planning.exports.recording import record
 from planning.proof.premises import Premises
 from service.endpoints.attached_objects import robot_in_scene
 from service.fields import shared
@@ -24,15 +27,18 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
         ArmwrightError: The request is at fault.
     """
     body = ExportRequest.model_validate_json(content)
+    is_recording = body.format == "mcap"
     chain = worker_cache.chain(robot)
     motion, begins = trajectories.trajectory(body.trajectory, chain)
     cell = robot_in_scene(robot, scene, body, motion.start)
+    # A recording shows points of a motion as a message of ROS has them.
+    form = ExportFormat.JOINT_TRAJECTORY_JSON if is_recording else ExportFormat(body.format)
     given = shared(body, ExportOptions, without=("format",))
     written = write_motion(
         motion,
         cell.robot,
         cell.scene,
-        ExportOptions(ExportFormat(body.format), **given),
+        ExportOptions(form, **given),
         margin=body.margin,
         premises=None if body.premises is None else Premises.of_fields(dict(body.premises)),
         different_scene=body.different_scene,
@@ -48,14 +54,21 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
         )
     certificate = certificates.certificate_answer(written.certificate, begins, body.scene)
     deviation = written.joint_deviation
+    text, unproved = written.text, written.unproved
+    if is_recording:
+        period = body.sample_period
+        recorded = record(
+            written.motion, cell.robot, cell.scene, written.certificate, sample_period=period
+        )
+        text, unproved = b64encode(recorded).decode(), written.certificate.proved.reasons
     answer = {
         "format": body.format,
-        "file_name": written.file_name,
-        "content": written.text,
+        "file_name": f"{body.name}.mcap" if is_recording else written.file_name,
+        "content": text,
         "point_count": written.point_count,
         "interpolation": written.rule.value,
         "proved": written.proved,
-        "unproved": list(written.unproved),
+        "unproved": list(unproved),
         "joint_deviation": None if deviation is None else deviation.tolist(),
         "joint_tolerance": written.tolerance,
         "certificate": certificate,
