@@ -2,6 +2,7 @@
 
 from armwright.checker import Checker as Checker
 from armwright.model import Dynamics as Dynamics
+from armwright.model import Equations as Equations
 from armwright.model import dynamics as dynamics
 from armwright.model import equations as equations
 from armwright.model import fk as fk

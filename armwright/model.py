@@ -1,12 +1,14 @@
 """Kinematics and dynamics of a robot: frames, their inverse, Jacobians, equations of motion."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics import inverse
+from dynamics.equations.page import write_page
 from dynamics.equations.parameters import textbook_table
 from dynamics.equations.sheet import Sheet, write_sheet
 from dynamics.equations.writing import Notation
@@ -39,6 +41,20 @@ class Dynamics(NamedTuple):
     mass_matrix: Array
     coriolis_matrix: Array
     gravity: Array
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Equations(Sheet):
+    """All formulas of a robot; notebooks draw those in LaTeX."""
+
+    def __repr__(self) -> str:
+        return f"Equations({len(self.joints)} joints, {self.notation.value})"
+
+    def __str__(self) -> str:
+        return write_page(self)
+
+    def _repr_latex_(self) -> str | None:
+        return write_page(self) if self.notation is Notation.LATEX else None
 
 
 def chain_of(robot: Robot) -> Chain:
@@ -119,7 +135,7 @@ def dynamics(robot: Robot, joints: ArrayLike, velocities: ArrayLike | None = Non
 @typed
 def equations(
     robot: Robot, notation: Literal["latex", "text"] = "latex", axes: Sequence[str] = ()
-) -> Sheet:
+) -> Equations:
     """Kinematics and dynamics of a robot as formulas.
 
     Args:
@@ -131,7 +147,8 @@ def equations(
         InvalidRobotDescription: The tip does not move with the last joint.
         InvalidOption: The formulas are too long to be read, or the axes are not as many as joints.
     """
-    return write_sheet(textbook_table(chain_of(robot)), Notation(notation), axes)
+    sheet = write_sheet(textbook_table(chain_of(robot)), Notation(notation), axes)
+    return Equations(*(getattr(sheet, item.name) for item in fields(sheet)))
 
 
 @typed

@@ -7,6 +7,8 @@ from armwright.motion import plan_seam as plan_seam
 from armwright.motion import retime as retime
 from armwright.motion import retime_states as retime_states
 from armwright.motion import stop as stop
+from armwright.notebook import Page as Page
+from armwright.notebook import view as view
 from planning.configuration_check import ConfigurationReport as ConfigurationReport
 from planning.constraints.kinds.constraint import ConeConstraint as ConeConstraint
 from planning.constraints.kinds.constraint import JointConstraint as JointConstraint

@@ -277,6 +277,8 @@ class Plan:
     stops: StopCertificate | None = None
     surroundings: Surroundings | None = field(default=None, repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        return f"Plan({self.planner}, {self.trajectory.duration:.3f} s, {self.certificate!r})"
 
 _T = TypeVar("_T")
 

@@ -98,6 +98,9 @@ class Trajectory:
         object.__setattr__(self, "pieces", len(breaks) - 1)
         object.__setattr__(self, "duration", float(breaks[-1]))
 
+    def __repr__(self) -> str:
+        return f"Trajectory({self.n} joints, {self.duration:.3f} s, {self.pieces} pieces)"
+
     @property
     def content_hash(self) -> str:
         """Digest of all numbers and names; worked out anew each time, few motions are asked."""

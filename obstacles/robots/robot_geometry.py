@@ -90,6 +90,10 @@ class RobotGeometry:
         object.__setattr__(self, "self_pairs", _self_pairs(self))
         object.__setattr__(self, "content_hash", _content_hash(self))
 
+    def __repr__(self) -> str:
+        count = f"{self.chain.n} joints, {len(self.pieces)} convex pieces"
+        return f"RobotGeometry({self.chain.name}, {count})"
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RobotGeometry) and other.content_hash == self.content_hash
 

@@ -97,6 +97,10 @@ class AllowedContact(NamedTuple):
     touch_depth: float = float("inf")
 
 
+#: Obstacles that the text of a scene names.
+_NAMED = 6
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstacle:
     """A shape with a name and a place.
@@ -272,6 +276,11 @@ class Scene:
             notes: tuple[str, ...] = (),
             contacts: Mapping[Pair, AllowedContact] = ...,
         ) -> None: ...
+
+    def __repr__(self) -> str:
+        named = [repr(name) for name in self.ids[:_NAMED]]
+        more = [f"{len(self.ids) - _NAMED} more"] if len(self.ids) > _NAMED else []
+        return f"Scene({', '.join([*named, *more])})"
 
     def __post_init__(self) -> None:
         obstacles = tuple(self.obstacles)

@@ -107,6 +107,12 @@ class Certificate:
     premises: Premises = field(default_factory=Premises)
     allowed_collisions: tuple[Overlap, ...] = ()
 
+    def __repr__(self) -> str:
+        verdict = "proved" if self.verified else "not proved"
+        if not np.isfinite(self.min_clearance):
+            return f"Certificate({verdict})"
+        return f"Certificate({verdict}, clearance {self.min_clearance:.4f} m)"
+
     @property
     def path_constraint_residual(self) -> float | None:
         """The worst residual of all hard path constraints over all t [m or rad], 0 where they hold.
