@@ -3,9 +3,10 @@
 import contextlib
 import gc
 import hashlib
+import logging
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
@@ -20,10 +21,12 @@ from numba.core.targetconfig import ConfigStack
 from compiled.compiler import machine_code
 from compiled.compiler.fingerprint import describe, settled_fingerprint
 from compiled.compiler.machine_code import Code
-from compiled.compiler.place import loads, plain
+from compiled.compiler.place import HERE, loads, plain
 from compiled.compiler.symbol import name_by_content
 from compiled.compiler.target import target
 from compiled.writes import Use, writable
+
+_log = logging.getLogger(__name__)
 
 
 class Flags(compiler.Flags):
@@ -186,11 +189,16 @@ class Kernel(CPUDispatcher):
         name = self._name(kinds)
         self.targetctx.refresh()
         found = machine_code.find(name)
+        if found is None and _before_first and not _is_frozen():
+            _before_first.pop()()
+            found = machine_code.find(name)
         (self._cache_misses if found is None else self._cache_hits)[kinds] += 1
         return found or machine_code.keep(self._compiled(name, kinds))
 
     def _compiled(self, name: str, kinds: Any) -> Code:
         _expect_none_missing(name, kinds)
+        if HERE:
+            _say_once()
         small = self.targetoptions["forceinline"]
         with _uncollected():
             return machine_code.compiled(name, self.py_func, kinds, self._flags(), small)
@@ -230,8 +238,33 @@ class KernelMissing(RuntimeError):
     """A kernel is needed that was not compiled beforehand, and compiling is forbidden here."""
 
 
+@cache
+def _say_once() -> None:
+    _log.warning(
+        "Armwright compiles kernels, once, as they are called for; `armwright warm` compiles all "
+        "of them on all cores."
+    )
+
+
+#: Called once, before this process compiles its first kernel.
+_before_first: list[Callable[[], object]] = []
+
+
+def before_first(action: Callable[[], object]) -> None:
+    """Have a function called once, before this process compiles its first kernel.
+
+    Args:
+        action: It may compile kernels in other processes, of which this one takes what it needs.
+    """
+    _before_first[:] = [action]
+
+
+def _is_frozen() -> bool:
+    return os.environ.get(FROZEN, "") not in ("", "0")
+
+
 def _expect_none_missing(name: str, kinds: Any) -> None:
-    if os.environ.get(FROZEN, "") not in ("", "0"):
+    if _is_frozen():
         kernel = name.rpartition("-")[0]
         signature = ", ".join(map(str, kinds))
         raise KernelMissing(
