@@ -105,6 +105,20 @@ class Shown(NamedTuple):
     ] = False
 
 
+class Search(NamedTuple):
+    """How solutions are looked for."""
+
+    seed_joints: Annotated[str | None, typer.Option(help="Where nearest is counted from.")] = None
+    method: Annotated[
+        str | None,
+        typer.Option(help="auto, analytic, numeric, gradient or constrained; auto if left out."),
+    ] = None
+    axes: Annotated[
+        str | None,
+        typer.Option(help="Axes of the pose's frame that count, between commas: x, y, rz."),
+    ] = None
+
+
 @command
 def ik(
     connection: Connection,
@@ -115,17 +129,9 @@ def ik(
     ],
     mounted: Mounted,
     shown: Shown,
+    search: Search,
     link: Annotated[str | None, typer.Option(help="The link; the tip if left out.")] = None,
-    seed_joints: Annotated[str | None, typer.Option(help="Where nearest is counted from.")] = None,
     scene: Annotated[str | None, typer.Option(help="A scene file, or a stored scene.")] = None,
-    method: Annotated[
-        str | None,
-        typer.Option(help="auto, analytic, numeric, gradient or constrained; auto if left out."),
-    ] = None,
-    axes: Annotated[
-        str | None,
-        typer.Option(help="Axes of the pose's frame that count, between commas: x, y, rz."),
-    ] = None,
 ) -> None:
     """Find the configurations that bring a link to a pose, best first."""
     with connect(connection) as backend:
@@ -134,14 +140,14 @@ def ik(
             "pose": values.pose("--pose", pose),
             "link": link,
             "scene": values.scene(scene),
-            "method": method,
-            "axes": values.words(axes),
+            "method": search.method,
+            "axes": values.words(search.axes),
         }
         body = {field: value for field, value in given.items() if value is not None}
         body |= values.mounted(mounted)
-        if seed_joints is not None:
+        if search.seed_joints is not None:
             states = backend.robot_model(name)["states"]
-            body["seed_joints"] = values.configuration("--seed-joints", seed_joints, states)
+            body["seed_joints"] = values.configuration("--seed-joints", search.seed_joints, states)
         answer = backend.answer(
             IK, name, body | {"all_solutions": shown.all_solutions, "max_solutions": shown.most}
         )
