@@ -6,13 +6,13 @@ Commands of the server start as quickly as before: nothing that they do not need
 import sys
 from collections.abc import Sequence
 
-from command_line.interrupt import ends_quietly
+from command_line.interrupt import INTERRUPTED, ends_quietly
 
 #: Commands that `service.cli` parses.
 SERVER_COMMANDS = ("serve", "agent", "warm", "keys", "audit")
 
-#: Exit code of a command that Ctrl-C ended, as shells have it.
-INTERRUPTED = 130
+#: Commands that run until Ctrl-C, and then end what they have started.
+_ENDED_BY_CTRL_C = ("studio", "mcp")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -22,6 +22,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Arguments of the command line, without the program's name.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if words and words[0] in (*SERVER_COMMANDS, *_ENDED_BY_CTRL_C):
+        return _run(words)
     try:
         with ends_quietly():
             return _run(words)

@@ -16,7 +16,6 @@ from rich.text import Text
 
 from command_line.interrupt import interrupted
 from kinematics.errors import ArmwrightError
-from service.http.errors import document, from_domain
 from service.problem import ProblemError
 
 
@@ -106,7 +105,7 @@ def unreachable(detail: str, hint: str) -> CommandProblem:
         detail: The address and what happened.
         hint: Remedy.
     """
-    problem = document(ProblemError(UNREACHABLE, detail, hint=hint), _INSTANCE)
+    problem = _document(ProblemError(UNREACHABLE, detail, hint=hint))
     return CommandProblem(problem | {"title": _UNREACHABLE_TITLE, "status": 503})
 
 
@@ -149,6 +148,8 @@ def shows_problems(as_json: bool) -> Iterator[None]:
 
 
 def _document(error: Exception) -> dict[str, Any]:
+    from service.http.errors import document, from_domain  # noqa: PLC0415  a web framework
+
     if isinstance(error, CommandProblem):
         return error.document
     if isinstance(error, ArmwrightError):

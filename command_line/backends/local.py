@@ -31,7 +31,6 @@ from service.settings import Settings
 from service.storage.caches import prepared_files, worker_cache
 from service.storage.caches.cache_key import NotPrepared, Reference, builtin_reference
 from service.storage.caches.mounts import mount_of
-from service.storage.store import open_store
 from service.validation import validate_as
 from service.workers import current
 from service.workers.result import PlanOutcome, TaskProblem
@@ -238,6 +237,8 @@ class LocalBackend:
 
     def scenes(self) -> list[dict[str, Any]]:
         """Summaries of the scenes in the data folder of this user's service."""
+        from service.storage.store import open_store  # noqa: PLC0415  a database
+
         settings = Settings()
         if settings.database_url is None and not (settings.data_dir / "armwright.db").is_file():
             return []

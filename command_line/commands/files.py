@@ -27,7 +27,6 @@ from command_line.parameters import (
     command,
 )
 from command_line.problems import invalid_value, negative
-from planning.exports.swept_volume import swept_volume
 from service.validation import validate_as
 from service.viewer.words import against
 
@@ -157,6 +156,7 @@ def sweep(
 ) -> None:
     """Write the space that an arm takes up during a motion, as a mesh that holds all of it."""
     from obstacles.meshes.writer import glb, stl  # noqa: PLC0415
+    from planning.exports.swept_volume import swept_volume  # noqa: PLC0415
     from service.translate.trajectories import trajectory  # noqa: PLC0415
 
     if connection.url is not None:

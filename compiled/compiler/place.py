@@ -19,9 +19,9 @@ PACKAGES = frozenset(
 HERE = __name__.partition("compiled.")[0]
 
 
-def plain(module: str) -> str:
-    """Name of a module as a checkout has it."""
-    return module.removeprefix(WHEEL)
+def plain(module: str | None) -> str:
+    """Name of a module as a checkout has it; "None" of a function that has none."""
+    return str(module).removeprefix(WHEEL)
 
 
 def here(module: str) -> str:

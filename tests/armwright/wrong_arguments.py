@@ -76,6 +76,7 @@ OWN: dict[str, dict[str, Any]] = {
     "retime": {"limits": {"velocity": np.ones(2), "acceleration": np.ones(2)}},
     "retime_states": {"start": aw.JointState(Q), "end": aw.JointState(GOAL)},
     "stop": {"plan": PLAN, "at": 0.1},
+    "view": {"plan": PLAN},
     "simulate": {"controller": aw.PdGravity(CHAIN, Q, Q)},
 }  # fmt: skip
 #: Arguments that are left out, though they have a value.
