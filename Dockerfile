@@ -10,12 +10,13 @@ COPY pyproject.toml constraints.txt ./
 COPY client/pyproject.toml ./client/
 RUN python -c "import tomllib; p, c = (tomllib.load(open(f + 'pyproject.toml', 'rb'))['project'] for f in ('', 'client/')); print(*(d for d in p['dependencies'] + c['dependencies'] if not d.startswith('armwright')), *p['optional-dependencies']['agents'], sep='\n')" > requirements.txt \
     && /opt/venv/bin/pip install --no-cache-dir --quiet -c constraints.txt -r requirements.txt
-# Nothing loads these: packages that build and draw, CasADi's headers, and all its solvers but IPOPT and PIQP.
+# Nothing loads these: tests, packages that build and draw, CasADi's headers, and all its solvers but IPOPT and PIQP.
 RUN /opt/venv/bin/pip uninstall -y --quiet cython matplotlib contourpy cycler fonttools kiwisolver pyparsing pillow \
+    && find /opt/venv/lib -name tests -type d -prune -exec rm -rf {} + \
     && find /opt/venv/lib/python*/site-packages/casadi -maxdepth 1 -name 'lib*' ! -name 'libcasadi.so.*' ! -name 'libcasadi-tp-openblas.so.0' \
     ! -name 'libcasadi_conic_piqp.so' ! -name 'libcasadi_nlpsol_ipopt.so' ! -name 'libcoinm*.so.[0-9]' ! -name 'libipopt.so.3' ! -name 'libpiqp.so' -delete \
     && rm -rf /opt/venv/lib/python*/site-packages/casadi/{include,cmake,casadi-cli,cbc,clp,highs} \
-    && /opt/venv/bin/python -c "import casadi, fcl, toppra; x = casadi.SX.sym('x'); casadi.nlpsol('s', 'ipopt', {'x': x, 'f': x**2}, {'ipopt.print_level': 0, 'print_time': False})(x0=1); casadi.qpsol('q', 'piqp', {'x': x, 'f': x**2}, {'print_time': False})(x0=1)"
+    && /opt/venv/bin/python -c "import casadi, fcl; x = casadi.SX.sym('x'); casadi.nlpsol('s', 'ipopt', {'x': x, 'f': x**2}, {'ipopt.print_level': 0, 'print_time': False})(x0=1); casadi.qpsol('q', 'piqp', {'x': x, 'f': x**2}, {'print_time': False})(x0=1)"
 COPY README.md LICENSE ./
 COPY scripts/one_package.py ./scripts/
 COPY armwright ./armwright

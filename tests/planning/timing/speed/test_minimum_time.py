@@ -1,6 +1,8 @@
 """Minimum-time motion along paths: limits, optimality by scipy and toppra, odd paths, refusals."""
 
 import itertools
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -278,3 +280,15 @@ def test_speeds_solve_the_linear_programs(seed: int) -> None:
         best = linprog([0.0, -1.0], rows, np.ones(len(rows)), bounds=bounds)
         expected[i + 1] = float(np.asarray(best.x)[1])
     np.testing.assert_allclose(squared_speeds(grid), expected, rtol=1e-5, atol=1e-9)
+
+
+def test_toppra_is_loaded_without_what_draws() -> None:
+    """And whoever draws afterwards has the real one."""
+    program = (
+        "import sys, planning.timing.speed.toppra\n"
+        "assert not [name for name in sys.modules if name.startswith('matplotlib')]\n"
+        "import matplotlib.pyplot\n"
+        "assert callable(matplotlib.pyplot.figure)"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True)
+    assert ran.returncode == 0, ran.stderr
