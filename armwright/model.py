@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics import inverse
-from dynamics.equations.page import write_page
 from dynamics.equations.parameters import textbook_table
-from dynamics.equations.sheet import Sheet, write_sheet
+from dynamics.equations.sheet import Sheet, write_page, write_sheet
 from dynamics.equations.writing import Notation
 from dynamics.identification import identify as identification
 from dynamics.identification.identify import Identification

@@ -280,6 +280,7 @@ class Plan:
     def __repr__(self) -> str:
         return f"Plan({self.planner}, {self.trajectory.duration:.3f} s, {self.certificate!r})"
 
+
 _T = TypeVar("_T")
 
 

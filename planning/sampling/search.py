@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 from ompl import base, geometric, util
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
@@ -146,8 +145,10 @@ class Roadmap:
             return None
         rows, columns = np.array(self._ends).T
         size = len(self._states)
-        graph: Any = coo_array((self._lengths, (rows, columns)), shape=(size, size)).tocsr()
-        tree = dijkstra(
+        graph: Any = scipy.sparse.coo_array(
+            (self._lengths, (rows, columns)), shape=(size, size)
+        ).tocsr()
+        tree = scipy.sparse.csgraph.dijkstra(
             graph, directed=False, indices=np.array([self._start]), return_predecessors=True
         )
         far, before = tree[0][0], tree[1][0]
