@@ -34,6 +34,7 @@ def check_packages() -> None:
     """
     home = Path(__file__).resolve().parents[1]
     if home.joinpath("armwright", "_src").is_dir():  # a wheel, with all inside of armwright
+        import_module("armwright.first_use").compile_at_first_use()
         return
     for name in PACKAGES:
         place = _location(name)

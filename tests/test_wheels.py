@@ -15,6 +15,9 @@ from types import ModuleType
 
 import pytest
 
+from compiled.compiler.dispatcher import FROZEN
+from compiled.compiler.store import user_folder
+
 ROOT = Path(__file__).parents[1]
 NAME = "armwright-0.1.0-py3-none-any.whl"
 FACTS = "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
@@ -150,3 +153,25 @@ def test_type_checkers_see_names_from_outside(environment: Path, tmp_path: Path)
     assert "RobotGeometry" in ran.stdout.splitlines()[1]
     assert "armwright_client" in ran.stdout.splitlines()[2]
     assert ran.stdout.count("error") == 2, ran.stdout
+
+
+@pytest.mark.timeout(300)
+def test_kernels_that_are_missing_are_compiled_at_first_use(
+    environment: Path, tmp_path: Path
+) -> None:
+    store = tmp_path / "store"
+    store.mkdir(mode=0o700)
+    for file in user_folder().glob("*.kernel"):
+        if not file.name.startswith("obstacles.convex.sphere_cover.cover-"):
+            shutil.copy2(file, store)
+    program = "import armwright as aw; print(aw.load_robot('planar_rr'))"
+    settings = os.environ | {"NUMBA_CACHE_DIR": str(store), FROZEN: "0"}
+    settings.pop("PYTHONPATH", None)
+    for expected in ("Compiling kernels: 0 of ", ""):
+        ran = subprocess.run(
+            [environment / "bin/python", "-c", program], cwd=tmp_path, env=settings, check=True,
+            capture_output=True, text=True,
+        )  # fmt: skip
+        assert ran.stderr[: len(expected)] == expected
+        assert bool(ran.stderr) == bool(expected), "they are kept"
+        shutil.rmtree(store / "solids", ignore_errors=True)

@@ -1,7 +1,6 @@
 """Answers computed in this process, by the tasks that a service's workers run."""
 
 import json
-import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
@@ -12,6 +11,7 @@ from typing import Any, Literal
 import platformdirs
 from rich.console import Console
 
+from armwright.first_use import compile_at_first_use
 from armwright_wire.robots.robot import RobotBody
 from armwright_wire.scenes.scene import ProjectRequest, Scene
 from armwright_wire.scenes.tool import BUILTIN_TOOLS
@@ -19,7 +19,6 @@ from command_line.added_robots import added, folder, keep
 from command_line.backends.endpoints import Endpoint, answering
 from command_line.parameters import RobotSource
 from command_line.robot_files import is_file, robot_document
-from compiled.compiler.dispatcher import before_first
 from compiled.kept_file import make_private
 from kinematics.errors import ArmwrightError
 from kinematics.robots import builtin_names
@@ -55,7 +54,7 @@ class LocalBackend:
 
     def __init__(self) -> None:
         self._folder = cache_folder()
-        before_first(_compile_first)
+        compile_at_first_use()
         self._references: dict[str, Reference] = {}
         self._documents: dict[str, bytes] = {}
 
@@ -321,14 +320,6 @@ class LocalBackend:
                 raise from_fields(result.code, result.message, result.hint, result.details)
             return result
         raise ProblemError("CRASH", f"the robot {reference.name!r} can't be prepared")
-
-
-def _compile_first() -> None:
-    """Compile what a first plan needs, on all cores, and say how far it is."""
-    from service.cli import Terminal  # noqa: PLC0415  seldom needed
-    from service.warm_up.kernels import compile_kernels  # noqa: PLC0415
-
-    compile_kernels(Terminal(sys.stderr).show, first_only=True)
 
 
 def _no_tool(name: str) -> bytes:

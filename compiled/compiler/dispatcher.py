@@ -3,7 +3,6 @@
 import contextlib
 import gc
 import hashlib
-import logging
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -21,12 +20,10 @@ from numba.core.targetconfig import ConfigStack
 from compiled.compiler import machine_code
 from compiled.compiler.fingerprint import describe, settled_fingerprint
 from compiled.compiler.machine_code import Code
-from compiled.compiler.place import HERE, loads, plain
+from compiled.compiler.place import loads, plain
 from compiled.compiler.symbol import name_by_content
 from compiled.compiler.target import target
 from compiled.writes import Use, writable
-
-_log = logging.getLogger(__name__)
 
 
 class Flags(compiler.Flags):
@@ -197,8 +194,6 @@ class Kernel(CPUDispatcher):
 
     def _compiled(self, name: str, kinds: Any) -> Code:
         _expect_none_missing(name, kinds)
-        if HERE:
-            _say_once()
         small = self.targetoptions["forceinline"]
         with _uncollected():
             return machine_code.compiled(name, self.py_func, kinds, self._flags(), small)
@@ -236,14 +231,6 @@ class Kernel(CPUDispatcher):
 
 class KernelMissing(RuntimeError):
     """A kernel is needed that was not compiled beforehand, and compiling is forbidden here."""
-
-
-@cache
-def _say_once() -> None:
-    _log.warning(
-        "Armwright compiles kernels, once, as they are called for; `armwright warm` compiles all "
-        "of them on all cores."
-    )
 
 
 #: Called once, before this process compiles its first kernel.
