@@ -132,7 +132,7 @@ site:  ## Build the documentation as a site into build/site (wants the network o
 		zensical==0.0.73 mkdocs==1.6.1 mkdocstrings==1.0.8 mkdocstrings-python==2.0.11; }
 	$(SITE)/python scripts/site.py
 
-wheels: $(INSTALLED)  ## Build wheels into dist/: one with the kernels for this Python, one without
+wheels: $(INSTALLED)  ## Build wheels into dist/, with the kernels for this Python and without, of client and checker
 	$(BIN)/python scripts/wheels.py
 
 kernel-list: $(TOOLS)  ## Write the list of kernels that requests reach, from the tests (minutes)
