@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from mcap.writer import Writer
 
 from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
@@ -103,6 +102,8 @@ def record(
     Raises:
         InvalidOption: The period is not positive, or asks for too many instants.
     """
+    from mcap.writer import Writer  # noqa: PLC0415  seldom needed
+
     if not sample_period > 0.0 or trajectory.duration / sample_period > _MOST:
         raise InvalidOption(
             f"sample_period: {sample_period:g} s does not fit {trajectory.duration:g} s",
