@@ -8,8 +8,8 @@ import typer
 from command_line.commands.bench import bench
 from command_line.commands.doctor import doctor
 from command_line.commands.files import export, project, sweep
-from command_line.commands.identify import fit, identify
 from command_line.commands.formulas import equations, jacobian, pose
+from command_line.commands.identify import fit, identify
 from command_line.commands.kinematics import fk, ik, reach
 from command_line.commands.motions import (
     check,

@@ -250,12 +250,12 @@ def smooth_motion(
     if len(t) < _FEWEST:
         raise InvalidTrajectory(f"{len(t)} samples", hint=f"Give at least {_FEWEST}.")
     t = t - t[0]
-    line = BSpline(np.concatenate([t[:1], t, t[-1:]]), q, 1)
+    line = scipy.interpolate.BSpline(np.concatenate([t[:1], t, t[-1:]]), q, 1)
     breaks, closest = np.array([0, len(t) - 1]), np.inf
     while True:
         ends = np.repeat(t[[0, -1]], 3)
         knots = np.concatenate([ends[:3], t[breaks], ends[3:]])
-        fitted = make_lsq_spline(t, q, knots, 3)
+        fitted = scipy.interpolate.make_lsq_spline(t, q, knots, 3)
         fitted.c[[0, -1]] = q[[0, -1]]
         if rest:
             fitted.c[[1, -2]] = q[[0, -1]]
@@ -305,15 +305,13 @@ def _powers(spline: "scipy.interpolate.BSpline", starts: Array) -> Array:
     return np.ascontiguousarray(np.stack(orders, axis=-1))
 
 
-def _distances(curve: BSpline, line: BSpline, norm: float) -> tuple[Array, Array]:
+def _distances(
+    curve: "scipy.interpolate.BSpline", line: "scipy.interpolate.BSpline", norm: float
+) -> tuple[Array, Array]:
     """Places from which on two splines are polynomials, and bounds of their distance from each on.
 
     The distance is that at the same parameter.
     """
-def _distance(
-    curve: "scipy.interpolate.BSpline", line: "scipy.interpolate.BSpline", norm: float
-) -> float:
-    """A bound of the distance of two splines at the same parameter."""
     places = np.unique(np.concatenate([curve.t, line.t]))
     starts, lengths = places[:-1], np.diff(places)
     powers = _powers(curve, starts)
