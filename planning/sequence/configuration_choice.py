@@ -27,7 +27,15 @@ from planning.goal_choice.goal_order import (
 )
 from planning.preflight.goals import configurations_off_limits
 from planning.result import ChosenConfiguration, Failure
-from planning.sequence.node import Child, Node, OwnCosts, TargetFinder, child_node, onward_steps
+from planning.sequence.node import (
+    Child,
+    Node,
+    OwnCosts,
+    TargetFinder,
+    before_target,
+    child_node,
+    onward_steps,
+)
 from planning.sequence.result import StagePlan, total_duration
 from planning.sequence.stage import Move
 from planning.sequence.step import LineStopped, Step, plan_step, scaled_limits
@@ -201,18 +209,16 @@ class LimitAvoidance:
         path = self.leaf.path
         node, parent = path[depth], path[depth - 1]
         segment = self.task.segments[depth - 1]
-        k, begin, world = segment.target, parent.onward_joints, parent.onward_world
+        k, begin = segment.target, parent.onward_joints
         assert k is not None
         assert begin is not None
-        assert world is not None
+        world = before_target(self.task, segment, parent)
         assert node.target is not None
         any_target = isinstance(self.task.stages[k], Move)
         chain, options = world.robot.chain, self.task.stages[k].settings.options
         found: list[tuple[Target, Array]] = []
         for batch in range(self.finder.batches(k)):
-            candidates = self.finder.find(
-                k, world.after_motion(free=True), batch, parent.history, self.deadline
-            )
+            candidates = self.finder.find(k, world, batch, parent.history, self.deadline)
             if not len(candidates.joints):
                 continue
             inside = ~is_at_limit(chain, candidates.joints)
@@ -222,7 +228,7 @@ class LimitAvoidance:
                 if any_target or candidates.targets[i].number == node.target.number
             ]
         if node.target.T is not None:
-            checker = self.finder.cell(k, world.after_motion(free=True)).checker
+            checker = self.finder.cell(k, world).checker
             found += [
                 (node.target, q)
                 for q in configurations_off_limits(
@@ -334,11 +340,10 @@ def _configuration(
 ) -> ChosenConfiguration:
     parent, k = node.parent, segment.target
     assert parent is not None
-    assert parent.onward_world is not None
     assert parent.onward_joints is not None
     assert k is not None
     assert segment.free is not None
-    world = parent.onward_world.after_motion(free=True)
+    world = before_target(task, segment, parent)
     rows = [
         finder.find(k, world, batch, parent.history, deadline).joints
         for batch in range(parent.batches or 1)

@@ -52,7 +52,8 @@ def _start_failure(task: Task, cells: Cells) -> Failure | None:
     """Fault of the start, as the first stage finds it."""
     first = task.stages[0]
     # Before a gripper moves nothing has changed; what is attached is checked as held.
-    world = task.world if isinstance(first, Gripper) else changed(task.world, first, task.start)
+    world = task.world.entered(first.settings.robot)
+    world = world if isinstance(first, Gripper) else changed(world, first, task.start)
     pairs = contacts_of(first.settings.allowed, "request") | contact_pairs(first)
     cell = cells.cell(world, pairs, first.settings.margin)
     goal = (JointGoal(task.start),)
@@ -78,16 +79,17 @@ def _goal_failure(task: Task, k: int, stage: Stage, deadline: Deadline) -> Failu
 
 def _surroundings(task: Task, k: int) -> tuple[RobotGeometry, Scene]:
     """The robot as a stage finds it, holding nothing, and what stands where it stood."""
-    robot, taken = task.world.robot, set[str]()
-    for stage in task.stages[:k]:
+    world, taken = task.world, set[str]()
+    for stage in task.stages[: k + 1]:
+        world = world.entered(stage.settings.robot)
         if isinstance(stage, Gripper) and stage.robot is not None:
-            robot = stage.robot
+            world = world.with_robot(stage.robot)
         if isinstance(stage, Attach):
             taken.add(stage.object)
     scene = task.world.scene
     stands = tuple(obstacle for obstacle in scene.obstacles if obstacle.id not in taken)
     pairs = {sorted_pair(*pair) for pair in task.stages[k].settings.allowed}
-    return robot, replace(
+    return world.robot, replace(
         scene, obstacles=stands, allowed_collisions=scene.allowed_collisions | pairs
     )
 

@@ -13,9 +13,11 @@ from obstacles.robots.allowed_pairs import contacts_of, sorted_pair
 from obstacles.scenes.scene import AllowedContact
 from planning.goal_choice.goal_order import MAX_LONGER
 from planning.options import Options
+from planning.result import Failure
 from planning.sequence.stage import (
     Attach,
     Detach,
+    Follow,
     Grasp,
     Gripper,
     Move,
@@ -30,6 +32,7 @@ from planning.sequence.step import (
     lead_straight,
     least_passing,
     least_travel,
+    plan_step,
     scaled_limits,
     still_time,
 )
@@ -316,13 +319,25 @@ def onward_steps(
     world, q = node.world, node.joints
     for k in segment.forward:
         stage = task.stages[k]
+        world = world.entered(stage.settings.robot)
         allowed = contacts_of(stage.settings.allowed, "request")
-        if isinstance(stage, Straight):
-            cell = cells.cell(world, allowed, stage.settings.margin)
-            led = lead_straight(cell, stage, q, deadline)
+        if isinstance(stage, Follow):
+            world = world.after_motion(free=True) if stage.kind == "seam" else world
+            step = Step(k, stage, "follow", world, world.after_motion(free=False), allowed, q, q)
+            followed = plan_step(cells, step, 0, deadline, task.seed)
+            if isinstance(followed, Failure):
+                return k, followed.message
+            step.plan, step.end = followed, followed.trajectory.end
+            node.onward.append(step)
+            world, q = step.after, step.end
+        elif isinstance(stage, Straight):
+            inside = world.after_insert(stage.into, stage.touch_depth)
+            cell = cells.cell(inside, allowed, stage.settings.margin)
+            led = lead_straight(cell, world, stage, q, deadline)
             if isinstance(led, LineStopped):
                 return k, led
-            after = world.after_motion(free=False)
+            after = world.after_motion(free=False).after_insert(stage.into, stage.touch_depth)
+            world = inside
             bound = least_travel(world, stage, led.start, led.end)
             node.onward.append(
                 Step(k, stage, "straight", world, after, allowed, q, led.end, led, bound=bound)
@@ -343,6 +358,14 @@ def onward_steps(
     return None
 
 
+def before_target(task: Task, segment: Segment, node: Node) -> World:
+    """The world of the free motion of a segment, after the choices of a node."""
+    assert segment.free is not None
+    assert node.onward_world is not None
+    world = node.onward_world.after_motion(free=True)
+    return world.entered(task.stages[segment.free].settings.robot)
+
+
 def child_node(
     task: Task, cells: Cells, node: Node, segment: Segment, chosen: tuple[Target, Array],
     deadline: Deadline,
@@ -360,10 +383,9 @@ def child_node(
     target, q = chosen
     assert segment.target is not None
     assert segment.free is not None
-    assert node.onward_world is not None
     assert node.onward_joints is not None
     stage = task.stages[segment.target]
-    world = node.onward_world.after_motion(free=True)
+    world = before_target(task, segment, node)
     pairs = contact_pairs(stage)
     reached = target_world(world, stage, target)
     steps: list[Step] = []
@@ -373,7 +395,7 @@ def child_node(
         assert isinstance(approach, Straight)
         allowed = pairs | contacts_of(approach.settings.allowed, "request")
         cell = cells.cell(world, allowed, approach.settings.margin)
-        led = lead_straight(cell, approach, q, deadline)
+        led = lead_straight(cell, world, approach, q, deadline)
         if isinstance(led, LineStopped):
             return segment.approach, led
         q_free = led.start
@@ -425,11 +447,12 @@ def next_place(task: Task, first: int, world: World, q: Array) -> tuple[int, Wor
     """
     for k in range(first, len(task.stages)):
         stage = task.stages[k]
+        world = world.entered(stage.settings.robot)
         if isinstance(stage, Grasp):
             return None
         if isinstance(stage, Place):
             return k, world.after_motion(free=True)
-        if isinstance(stage, Move):
+        if isinstance(stage, Move | Follow):
             world = world.after_motion(free=True)
         elif isinstance(stage, Straight):
             world = world if stage.kind == "approach" else world.after_motion(free=False)

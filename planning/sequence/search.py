@@ -27,6 +27,7 @@ from planning.sequence.node import (
     Child,
     Node,
     TargetFinder,
+    before_target,
     child_node,
     next_place,
     onward_steps,
@@ -168,8 +169,7 @@ class _Search:
         if k is None or free is None:
             return False
         options = self._task.stages[free].settings.options
-        assert node.onward_world is not None
-        world = node.onward_world.after_motion(free=True)
+        world = self._before(node)
         for batch in range(node.batches, self._finder.batches(k)):
             node.batches = batch + 1
             candidates = self._finder.find(k, world, batch, node.history, self._until)
@@ -183,12 +183,15 @@ class _Search:
                 break
         return bool(node.children)
 
+    def _before(self, node: Node) -> World:
+        """The world of the free motion that follows the choices of a node."""
+        return before_target(self._task, self._task.segments[node.depth], node)
+
     def _clearance_cost(self, node: Node, child: Child) -> float:
         segment = self._task.segments[node.depth]
         assert segment.target is not None
-        assert node.onward_world is not None
-        world = node.onward_world.after_motion(free=True)
-        return self._costs.of_clearance(self._finder.cell(segment.target, world), child)
+        cell = self._finder.cell(segment.target, self._before(node))
+        return self._costs.of_clearance(cell, child)
 
     def _add_child(self, node: Node, taken: Child) -> None:
         segment, target, joints = self._task.segments[node.depth], taken.target, taken.joints
@@ -212,8 +215,7 @@ class _Search:
         stage = self._task.stages[segment.end - 1]
         if not isinstance(stage, Grasp):
             return True
-        assert node.onward_world is not None
-        world = target_world(node.onward_world.after_motion(free=True), stage, target)
+        world = target_world(self._before(node), stage, target)
         place = next_place(self._task, segment.end, world, q)
         choices = (*node.choices, target.number)
         if place is None or self._has_place(choices, *place):

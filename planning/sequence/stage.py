@@ -20,8 +20,11 @@ from planning.problem import Goal
 from planning.values.finger_motion import FingerMotion
 
 Pair = tuple[str, str]
-#: Frames of a straight motion's direction: the tool's where the stage begins or ends, or the root.
-DirectionFrame = Literal["tool", "root"]
+#: Frames of a straight motion's direction: the tool's where the stage begins or ends, the root's,
+#: those of the object or of its support as they then stand; and along the outward normal of a
+#: surface, whose third coordinate alone counts.
+DirectionFrame = Literal["tool", "root", "object", "support", "normal"]
+StraightKind = Literal["approach", "retreat", "lift", "insert"]
 
 #: Duration of a stage in which the gripper opens or closes, unless told otherwise [s].
 GRIPPER_DURATION = 0.5
@@ -38,6 +41,8 @@ class StageSettings:
         constraints: Constraints to be held during this stage.
         options: Planner, timing and limits of its motion; its timeout is the longest one plan of
             this stage may take.
+        robot: The robot with the tool that it has from this stage on, its fingers anywhere; None
+            for that of the stage before.
     """
 
     name: str = ""
@@ -45,6 +50,7 @@ class StageSettings:
     allowed: Iterable[Pair] = ()
     constraints: tuple[Constraint, ...] = ()
     options: Options = field(default_factory=Options)
+    robot: RobotGeometry | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,35 +81,44 @@ class Straight:
     """A straight motion of the tool.
 
     Args:
-        kind: "approach" ends at the target of the next stage; "retreat" and "lift" begin where the
-            tool is.
+        kind: "approach" ends at the target of the next stage; "retreat", "lift" and "insert" begin
+            where the tool is.
         direction: Direction of the motion, shape (3,); its length does not count.
-        frame: Frame of the direction: "tool" where the tool is at the target, or "root".
+        frame: Frame of the direction: "tool" where the tool is at the target, or another.
         least: Shortest way [m].
         most: Longest way, which is tried first [m].
         settings: StageSettings of the stage.
+        of: Object or support whose frame or surface is meant; a task puts it in where it is None.
+        into: Objects that what is held may touch from this stage to the next free motion.
+        touch_depth: How deep it may overlap these [m]; infinite for any depth.
 
     Raises:
         InvalidOption: The direction is zero, or the distances are not 0 < least <= most.
     """
 
-    kind: Literal["approach", "retreat", "lift"]
+    kind: StraightKind
     direction: Array
     frame: DirectionFrame
     least: float
     most: float
     settings: StageSettings = field(default_factory=StageSettings)
+    of: str | None = None
+    into: tuple[str, ...] = ()
+    touch_depth: float = TOUCH_DEPTH
 
     if TYPE_CHECKING:  # the constructor takes whatever makes an array
 
         def __init__(
             self,
-            kind: Literal["approach", "retreat", "lift"],
+            kind: StraightKind,
             direction: ArrayLike,
             frame: DirectionFrame,
             least: float,
             most: float,
             settings: StageSettings = ...,
+            of: str | None = ...,
+            into: tuple[str, ...] = ...,
+            touch_depth: float = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -117,6 +132,39 @@ class Straight:
                 f"distance is from {self.least:g} to {self.most:g} m",
                 hint="Give the shortest and the longest way, both positive, in this order.",
             )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Follow:
+    """Lines, arcs or a seam from where the tool is, as ``settings.options.cartesian`` has them.
+
+    Args:
+        kind: "line", "arc" or "seam"; the arm goes to the beginning of a seam by a free motion.
+        settings: StageSettings of the stage.
+    """
+
+    kind: Literal["line", "arc", "seam"]
+    settings: StageSettings = field(default_factory=StageSettings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """A word with the machines around while the arm stands still: it stands in the program.
+
+    Args:
+        kind: "signal" switches a digital output, "set" gives an analog output a number, and
+            "wait_for" waits for a digital input.
+        port: Number or name of the output or input.
+        value: On or off, or the number.
+        duration: How long the arm stands at least [s].
+        settings: StageSettings of the stage.
+    """
+
+    kind: Literal["signal", "set", "wait_for"]
+    port: int | str
+    value: float = 1.0
+    duration: float = 0.0
+    settings: StageSettings = field(default_factory=StageSettings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -284,12 +332,12 @@ class Gripper:
     robot: RobotGeometry | None = None
 
 
-Stage = Move | Straight | Grasp | Place | Attach | Detach | Wait | Gripper
+Stage = Move | Straight | Follow | Grasp | Place | Attach | Detach | Wait | Gripper | Signal
 
 
 def stage_kind(stage: Stage) -> str:
     """Name of the stage's kind on the wire."""
-    if isinstance(stage, Straight | Gripper):
+    if isinstance(stage, Straight | Gripper | Follow | Signal):
         return stage.kind
     return type(stage).__name__.lower()
 

@@ -19,7 +19,7 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.options import Options
 from planning.pipeline import pipeline
 from planning.planner import Query
-from planning.problem import JointGoal, Problem
+from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.proof.certificate import Certificate, certify
 from planning.proof.gripper import certify_gripper
 from planning.result import Attempt, Failure, Plan
@@ -27,6 +27,7 @@ from planning.sequence.result import StagePlan
 from planning.sequence.stage import (
     Gripper,
     Pair,
+    Signal,
     Stage,
     StageSettings,
     Straight,
@@ -89,18 +90,21 @@ class FoundLine:
         return Attempt(self.path.waypoints, detail, tool_path=self.path)
 
 
-def lead_straight(cell: Cell, stage: Straight, q: Array, deadline: Deadline) -> Line | LineStopped:
+def lead_straight(
+    cell: Cell, world: World, stage: Straight, q: Array, deadline: Deadline
+) -> Line | LineStopped:
     """The longest straight motion that a stage allows, proved free.
 
     Args:
         cell: The robot in its surroundings.
+        world: The same before pairs and margins were put in.
         stage: The direction and the distances.
         q: Beginning of the motion; where it ends, of an approach. Shape (n,).
         deadline: Time at which to give up.
     """
     chain = cell.robot.chain
     T = forward(chain, q)
-    along = T[:3, :3] @ stage.direction if stage.frame == "tool" else np.array(stage.direction)
+    along = world.direction(stage.direction, stage.frame, stage.of, T)
     backwards = stage.kind == "approach"
     if backwards:
         along = -along
@@ -160,7 +164,8 @@ def plan_free(
         seed: Seed of everything random.
     """
     options = replace(_options(settings.options, deadline, seed), max_edges=max_edges)
-    return pipeline.plan(_problem(cell, settings, *ends), options, within=deadline)
+    problem = _problem(cell, settings, ends[0], (JointGoal(ends[1]),))
+    return pipeline.plan(problem, options, within=deadline)
 
 
 def plan_line(
@@ -176,19 +181,32 @@ def plan_line(
         seed: Seed of everything random.
     """
     options = _options(settings.options, deadline, seed)
-    problem = _problem(cell, settings, found.start, found.end)
+    problem = _problem(cell, settings, found.start, (JointGoal(found.end),))
     return pipeline.plan(problem, options, (FoundLine(found.path),), deadline)
 
 
-def _problem(cell: Cell, settings: StageSettings, start: Array, end: Array) -> Problem:
-    return Problem(
-        cell.robot,
-        cell.scene,
-        start,
-        (JointGoal(end),),
-        settings.margin,
-        constraints=constraint_set(cell, settings),
-    )
+def plan_followed(
+    cell: Cell, settings: StageSettings, start: Array, deadline: Deadline, seed: int
+) -> Plan | Failure:
+    """The lines, arcs or the seam that a stage asks for, in time and proved.
+
+    Args:
+        cell: The robot in its surroundings.
+        settings: The motions, timing, margin and constraints.
+        start: Configuration at its start, shape (n,) [rad or m].
+        deadline: Time at which to give up.
+        seed: Seed of everything random.
+    """
+    options = replace(_options(settings.options, deadline, seed), planner="cartesian")
+    seam = options.cartesian.seam
+    ends = options.cartesian.motions if seam is None else seam.waypoints
+    problem = _problem(cell, settings, start, (PoseGoal(ends[-1].T_base_tip),))
+    return pipeline.plan(problem, options, within=deadline)
+
+
+def _problem(cell: Cell, settings: StageSettings, start: Array, goals: tuple[Goal, ...]) -> Problem:
+    constraints = constraint_set(cell, settings)
+    return Problem(cell.robot, cell.scene, start, goals, settings.margin, constraints=constraints)
 
 
 def _options(options: Options, deadline: Deadline, seed: int) -> Options:
@@ -240,7 +258,7 @@ class Step:
     Args:
         index: Number of the stage.
         stage: The stage.
-        motion: Whether the arm moves freely, straight or not at all.
+        motion: Whether the arm moves freely, straight, as its stage says, or not at all.
         world: The world during it.
         after: The world after it.
         allowed: Pairs that may touch during it, beside those of its world.
@@ -255,7 +273,7 @@ class Step:
 
     index: int
     stage: Stage
-    motion: Literal["free", "straight", "none"]
+    motion: Literal["free", "straight", "follow", "none"]
     world: World
     after: World
     allowed: Mapping[Pair, AllowedContact]
@@ -277,7 +295,7 @@ class Step:
 
 def still_time(stage: Stage) -> float:
     """Duration of a stage in which the arm stands still [s]."""
-    if isinstance(stage, Wait | Gripper):
+    if isinstance(stage, Wait | Gripper | Signal):
         return max(stage.duration or REST, REST)
     return REST
 
@@ -343,6 +361,8 @@ def plan_step(
     if step.motion == "straight":
         assert step.line is not None
         plan = plan_line(cell, settings, step.line, deadline, seed)
+    elif step.motion == "follow":
+        plan = plan_followed(cell, settings, step.start, deadline, seed)
     else:
         plan = plan_free(cell, settings, (step.start, step.end), max_edges, deadline, seed)
     if isinstance(plan, Failure):

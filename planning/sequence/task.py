@@ -16,6 +16,8 @@ from kinematics.errors import (
 from kinematics.tree.fingers import Fingers, Positions
 from obstacles.robots.finger_geometry import moved_links, with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.tool import PART
+from obstacles.scenes.scene import Scene
 from planning.sequence.stage import (
     GRIPPER_DURATION,
     Attach,
@@ -93,6 +95,7 @@ class Task:
         object.__setattr__(self, "start", frozen(start))
         object.__setattr__(self, "stages", _check_objects(self.world, self.stages))
         _check_names(self.world, self.stages)
+        _check_tools(self.world, self.stages)
         holders = [item.attachment.link for item in self.world.held]
         stages = with_finger_motions(self.world.robot, self.stages, holders)
         object.__setattr__(self, "stages", stages)
@@ -188,7 +191,7 @@ def _check_objects(world: World, stages: Sequence[Stage]) -> tuple[Stage, ...]:
                 raise _fault(stages, k, f"has the name of stage {named[stage.settings.name]}",
                              "Give each stage a name of its own.")  # fmt: skip
             named[stage.settings.name] = k
-        new = _with_object(stages, k, held)
+        new = _with_reference(stages, k, _with_object(stages, k, held), held)
         if isinstance(new, Attach):
             held.append(new.object)
         elif isinstance(new, Detach):
@@ -226,17 +229,67 @@ def _with_object(stages: Sequence[Stage], k: int, held: list[str]) -> Stage:
     return stage
 
 
-def _check_names(world: World, stages: Sequence[Stage]) -> None:
-    chain = world.robot.chain
-    objects = {*world.scene.ids, *(item.name for item in world.held)}
-    known = objects | {*chain.index, *world.robot.names}
-    tip = chain.link(chain.tip_link)
+def _with_reference(stages: Sequence[Stage], k: int, stage: Stage, held: Sequence[str]) -> Stage:
+    """The stage with the object whose frame or surface its direction is in."""
+    if not isinstance(stage, Straight):
+        return stage
+    if stage.into and not held:
+        raise _fault(stages, k, "pushes what is held into something, and nothing is held by then",
+                     "Put grasp and attach before it.")  # fmt: skip
+    if stage.of is not None or stage.frame in ("tool", "root"):
+        return stage
+    near = (*stage.into, *held) if stage.frame == "object" else stage.into
+    others = stages[k + 1 : k + 2] if stage.kind == "approach" else stages[k - 1 :: -1] if k else ()
+    target = next((one for one in others if isinstance(one, Grasp | Place)), None)
+    if not near and target is not None:
+        own = (target.object or (held[0] if held else None),)
+        on_object = stage.frame == "object" or (isinstance(target, Grasp) and not held)
+        near = tuple(x for x in (own if on_object else target.supports or own) if x)
+    if not near:
+        raise _fault(stages, k, f"has a direction in the frame {stage.frame!r}, of nothing",
+                     "Name the object in of.")  # fmt: skip
+    return replace(stage, of=near[0])
+
+
+def _check_tools(world: World, stages: Sequence[Stage]) -> None:
+    """No tool changes between a motion and the target it leads to, or while something is held."""
+    held, tip = len(world.held), world.robot.chain.tip_link
     for k, stage in enumerate(stages):
+        new = stage.settings.robot.chain.tip_link if stage.settings.robot else tip
+        before = stages[k - 1] if k else None
+        if new != tip and isinstance(before, Straight) and before.kind == "approach":
+            raise _fault(stages, k, "changes the tool between an approach and its end",
+                         "Name the tool in the stage move before the approach.")  # fmt: skip
+        if new != tip and isinstance(stage, Straight) and stage.kind == "approach":
+            raise _fault(stages, k, "changes the tool between a motion and its approach",
+                         "Name the tool in the stage move before it.")  # fmt: skip
+        if held and new.partition(PART)[0] != tip.partition(PART)[0]:
+            raise _fault(stages, k, f"changes the tool to {new!r} while something is held",
+                         "Put a stage detach before it.")  # fmt: skip
+        held += isinstance(stage, Attach) - isinstance(stage, Detach)
+        tip = new
+
+
+def _robots(world: World, stages: Sequence[Stage]) -> list[RobotGeometry]:
+    """The robot with the tool that it has in each stage."""
+    robots, robot = [], world.robot
+    for stage in stages:
+        robot = stage.settings.robot or robot
+        robots.append(robot)
+    return robots
+
+
+def _check_names(world: World, stages: Sequence[Stage]) -> None:
+    objects = {*world.scene.ids, *(item.name for item in world.held)}
+    for k, (stage, robot) in enumerate(zip(stages, _robots(world, stages), strict=True)):
+        chain = robot.chain
+        known = objects | {*chain.index, *robot.names}
+        tip = chain.link(chain.tip_link)
         for where, name in _object_names(stage):
             if name not in objects:
                 raise _unknown(InvalidObjectName, stages, k, (where, name), objects)
         for where, name in _link_names(stage):
-            if name not in chain.index and name not in world.robot.names:
+            if name not in chain.index and name not in robot.names:
                 raise _unknown(InvalidLinkName, stages, k, (where, name), set(chain.index))
         named = [name for pair in stage.settings.allowed for name in pair]
         named += stage.touches if isinstance(stage, Attach) else ()
@@ -258,6 +311,8 @@ def _object_names(stage: Stage) -> list[tuple[str, str]]:
     """Names of objects in a stage, each with its field."""
     pairs = [(name, getattr(stage, name, None)) for name in ("object", "reference")]
     pairs += [("support", name) for name in getattr(stage, "supports", ())]
+    pairs += [("into", name) for name in getattr(stage, "into", ())]
+    pairs += [("of", getattr(stage, "of", None))]
     return [(name, str(value)) for name, value in pairs if value is not None]
 
 
@@ -317,7 +372,10 @@ def with_finger_motions(
             link of a finger that moves holds something; the message names the stage.
     """
     done: list[Stage] = []
+    world = World(robot, Scene())
     for k, stage in enumerate(stages):
+        world = world.entered(stage.settings.robot)
+        robot = world.robot
         if isinstance(stage, Gripper):
             try:
                 if stage.until is not None:
@@ -327,11 +385,11 @@ def with_finger_motions(
                 where = {"index": k, "kind": stage.kind, "name": stage.settings.name or None}
                 message = f"{describe_stage(stages, k)}: {error.message}"
                 raise InvalidOption(message, hint=error.hint, **error.details, **where) from None
-            robot = new.robot or robot
+            world = world.with_robot(new.robot or robot)
             done.append(new)
         else:
             done.append(stage)
-    _check_holders(robot, done, holders)
+    _check_holders(done, holders)
     return tuple(done)
 
 
@@ -387,10 +445,12 @@ def _wanted_positions(fingers: Fingers, stage: Gripper) -> Positions:
     return {}
 
 
-def _check_holders(robot: RobotGeometry, stages: Sequence[Stage], holders: Sequence[str]) -> None:
+def _check_holders(stages: Sequence[Stage], holders: Sequence[str]) -> None:
     """No link of a finger that moves may hold anything: what it holds would move with it."""
-    motions = [stage.motion for stage in stages if isinstance(stage, Gripper) and stage.motion]
-    moved = moved_links(robot, frozenset[str]().union(*(motion.leaders for motion in motions)))
+    grips = [stage for stage in stages if isinstance(stage, Gripper)]
+    moved = frozenset[str]().union(
+        *(moved_links(one.robot, one.motion.leaders) for one in grips if one.motion and one.robot)
+    )
     for k, stage in enumerate(stages):
         if isinstance(stage, Attach) and stage.link in moved:
             raise InvalidOption(

@@ -11,6 +11,7 @@ from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.forward import forward
 from kinematics.pose import inverse
 from obstacles.collision.checker import Checker
+from obstacles.projection.projection import project
 from obstacles.robots.allowed_pairs import TOUCH_DEPTH, contacts_of, sorted_pair
 from obstacles.robots.attachment import Attachment, hold
 from obstacles.robots.finger_geometry import moved_links, swept_cover, with_fingers
@@ -206,6 +207,56 @@ class World:
             return np.asarray(inverse(forward(chain, q, link)) @ stands.T_world_obstacle)
         T_link_tool = inverse(holder.T_joint_link) @ tip.T_joint_link
         return np.asarray(T_link_tool @ inverse(T_object_tool))
+
+    def after_insert(self, into: Iterable[str], touch_depth: float) -> "World":
+        """The world when what is held was pushed into something, which it may touch from now on."""
+        contact = AllowedContact("into", touch_depth)
+        pairs = {sorted_pair(item.name, name): contact for item in self.held for name in into}
+        return replace(self, supported={**self.supported, **pairs})
+
+    def entered(self, robot: RobotGeometry | None) -> "World":
+        """The world when the robot has the tool of another one, which stands as it is mounted.
+
+        Args:
+            robot: The robot with the tool; None, or one with the same tip, for no change.
+        """
+        if robot is None or robot.chain.tip_link == self.robot.chain.tip_link:
+            return self
+        own = self.robot.fingers.positions
+        stands = {name: own.get(name, at) for name, at in robot.fingers.positions.items()}
+        return replace(self, robot=with_fingers(robot, stands), grasped=None, placed=None)
+
+    def direction(self, along: Array, frame: str, of: str | None, T_tool: Array) -> Array:
+        """The direction of a straight motion in the root frame, shape (3,).
+
+        Args:
+            along: Direction in its frame, shape (3,).
+            frame: Its frame, or "normal" for the outward normal nearest to the tip.
+            of: Object whose frame or surface is meant.
+            T_tool: Pose of the tool, shape (4, 4).
+        """
+        if frame == "tool":
+            return np.asarray(T_tool[:3, :3] @ along)
+        if frame == "root" or of is None:
+            return np.array(along)
+        if any(item.name == of for item in self.held):
+            held = self.holds(of).attachment.held
+            stands = replace(held, T_world_obstacle=T_tool @ self.T_tool_object(of))
+        else:
+            stands = self.scene.obstacle(of)
+        if frame != "normal":
+            return np.asarray(stands.T_world_obstacle[:3, :3] @ along)
+        # Where the tip is on the surface, a point so far before it tells the side [m].
+        for back in (0.0, 1e-4):
+            tip = T_tool[:3, 3] - back * T_tool[:3, 2]
+            nearest, distance = (x[0, 0] for x in project(tip[None], (stands,)))
+            outward = (tip - nearest) * np.sign(distance)
+            length = float(np.linalg.norm(outward))
+            if length > 1e-9:
+                break
+        else:
+            return np.asarray(-np.sign(along[2]) * T_tool[:3, 2])
+        return np.asarray(np.sign(along[2]) * outward / length)
 
     def T_tool_object(self, name: str) -> Array:
         """Pose of a held object in the frame of the tool, shape (4, 4)."""
