@@ -19,7 +19,7 @@ from armwright_client import (
 )
 from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.plans.kept_plan import KeptPlan
-from armwright_wire.plans.task import StageUnion
+from armwright_wire.plans.stages import StageUnion
 from armwright_wire.scenes.scene import Obstacle, SceneReference
 from service.version import VERSION
 from service.viewer.words import certificate_sentences, problem_sentences

@@ -237,35 +237,46 @@ from armwright_wire.plans.plan import Refine as Refine
 from armwright_wire.plans.plan import Reproducibility as Reproducibility
 from armwright_wire.plans.plan import Stage as Stage
 from armwright_wire.plans.plan import ValidateRequest as ValidateRequest
-from armwright_wire.plans.task import ApproachStage as ApproachStage
-from armwright_wire.plans.task import AttachStage as AttachStage
-from armwright_wire.plans.task import CloseStage as CloseStage
-from armwright_wire.plans.task import DetachStage as DetachStage
-from armwright_wire.plans.task import FoundGrasps as FoundGrasps
-from armwright_wire.plans.task import GraspRegion as GraspRegion
-from armwright_wire.plans.task import GraspSearch as GraspSearch
-from armwright_wire.plans.task import GraspStage as GraspStage
+from armwright_wire.plans.stages import ApproachStage as ApproachStage
+from armwright_wire.plans.stages import ArcStage as ArcStage
+from armwright_wire.plans.stages import AttachStage as AttachStage
+from armwright_wire.plans.stages import CloseStage as CloseStage
+from armwright_wire.plans.stages import DetachStage as DetachStage
+from armwright_wire.plans.stages import FallbackStage as FallbackStage
+from armwright_wire.plans.stages import FollowStage as FollowStage
+from armwright_wire.plans.stages import ForEachStage as ForEachStage
+from armwright_wire.plans.stages import FoundGrasps as FoundGrasps
+from armwright_wire.plans.stages import GraspRegion as GraspRegion
+from armwright_wire.plans.stages import GraspSearch as GraspSearch
+from armwright_wire.plans.stages import GraspStage as GraspStage
+from armwright_wire.plans.stages import InsertStage as InsertStage
+from armwright_wire.plans.stages import LiftStage as LiftStage
+from armwright_wire.plans.stages import LineStage as LineStage
+from armwright_wire.plans.stages import MoveStage as MoveStage
+from armwright_wire.plans.stages import OpenStage as OpenStage
+from armwright_wire.plans.stages import PlaceGrid as PlaceGrid
+from armwright_wire.plans.stages import PlaceRegion as PlaceRegion
+from armwright_wire.plans.stages import PlaceStage as PlaceStage
+from armwright_wire.plans.stages import RetreatStage as RetreatStage
+from armwright_wire.plans.stages import SeamStage as SeamStage
+from armwright_wire.plans.stages import SetStage as SetStage
+from armwright_wire.plans.stages import SignalStage as SignalStage
+from armwright_wire.plans.stages import StageBody, StageUnion
+from armwright_wire.plans.stages import StraightStage as StraightStage
+from armwright_wire.plans.stages import WaitForStage as WaitForStage
+from armwright_wire.plans.stages import WaitStage as WaitStage
+from armwright_wire.plans.task import EventAnswer as EventAnswer
 from armwright_wire.plans.task import HeldObject as HeldObject
 from armwright_wire.plans.task import (
     ImprovementAnswer,
-    StageBody,
-    StageUnion,
     TaskAnswer,
     TaskStageAnswer,
     TrialAnswer,
     WorldAnswer,
 )
-from armwright_wire.plans.task import LiftStage as LiftStage
 from armwright_wire.plans.task import MovedObject as MovedObject
-from armwright_wire.plans.task import MoveStage as MoveStage
-from armwright_wire.plans.task import OpenStage as OpenStage
 from armwright_wire.plans.task import PlacedObject as PlacedObject
-from armwright_wire.plans.task import PlaceRegion as PlaceRegion
-from armwright_wire.plans.task import PlaceStage as PlaceStage
-from armwright_wire.plans.task import RetreatStage as RetreatStage
-from armwright_wire.plans.task import StraightStage as StraightStage
 from armwright_wire.plans.task import TaskRequest as TaskRequest
-from armwright_wire.plans.task import WaitStage as WaitStage
 from armwright_wire.plans.tour import (
     LegAnswer,
     TourAnswer,

@@ -64,7 +64,7 @@ from armwright_wire.plans.kept_plan import (
 from armwright_wire.plans.kept_plan import StopAnswer as Stop
 from armwright_wire.plans.plan import PlanAnswer as Plan
 from armwright_wire.plans.plan import PlanRequest, ValidateRequest
-from armwright_wire.plans.task import StageUnion as TaskStage
+from armwright_wire.plans.stages import StageUnion as TaskStage
 from armwright_wire.plans.task import TaskAnswer as TaskPlan
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.plans.tour import TourAnswer as Tour

@@ -99,4 +99,4 @@ def _told(task: Task, k: int, wrong: Failure) -> SequenceFailure:
     details = {"index": k, "reason": wrong.message, "count": 1, **wrong.details}
     message = f"{describe_stage(task.stages, k)}: {wrong.message}"
     at: Array | None = task.start if k == 0 else None
-    return SequenceFailure(wrong.code, message, wrong.hint, k, details, (), nearest=at)
+    return SequenceFailure(wrong.code, message, wrong.hint, k, details, (), nearest=at, reached=k)

@@ -161,6 +161,10 @@ class Record:
         text = f"{_COLLIDES}{pair[0]} and {pair[1]}, at best by {depth:.4g} m"
         return Blame(stage, text, count, {"pair": list(pair), "depth": depth})
 
+    def reached(self) -> int:
+        """Number of the last stage at which something failed."""
+        return max((k for counter in self._reasons.values() for k, _ in counter), default=0)
+
     def _count(self, check: Check, depth: int, stage: int, reason: str) -> None:
         """Count a reason at its place in the order of a search's checks."""
         is_motion = check >= Check.STILL_OR_STRAIGHT
@@ -224,7 +228,8 @@ def search_failure(
         code = "PLANNING_FAILED"
         message = f"no combination can be done: {what} fails: {reason} ({times} times)"
     details = deadline.interruptions.reported_in(code, details)
-    return SequenceFailure(code, message, hint, k, details, record.trials, prefix)
+    reached = max(record.reached(), k)
+    return SequenceFailure(code, message, hint, k, details, record.trials, prefix, reached=reached)
 
 
 def describe_stop(led: LineStopped | str) -> str:

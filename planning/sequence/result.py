@@ -147,6 +147,7 @@ class SequenceFailure:
         trials: The alternatives that were checked.
         prefix: Proved stages of the combination that came farthest.
         nearest: Configuration of the arm before the stage, shape (n,); None where unknown.
+        reached: Number of the last stage that anything was tried for.
     """
 
     code: str
@@ -157,3 +158,4 @@ class SequenceFailure:
     trials: tuple[Trial, ...]
     prefix: tuple[StagePlan, ...] = ()
     nearest: Array | None = None
+    reached: int = 0

@@ -12,7 +12,7 @@ from service.workers.result import TaskProblem
 from service.workers.task import task
 
 #: Lists of models whose items the server inspects.
-_INSPECTED = ("problems",)
+_INSPECTED = ("problems", "stages")
 #: What the server itself reads to mount a tool, the latter for the tip of an object.
 _MOUNTED = ("tool", "attached")
 #: Longer texts are cut; names and the like are far shorter.

@@ -37,6 +37,7 @@ from service.http.state import (
 )
 from service.problem import ProblemError
 from service.storage.caches.cache_key import Reference
+from service.storage.caches.mounts import with_tools
 from service.storage.database import StorageUnavailable
 from service.storage.stores.plan_store import PlanContent, PlanRecord
 from service.version import VERSION
@@ -142,8 +143,7 @@ async def _keep(request: Request, outcome: _Outcome) -> str | None:
     """
     body = await request.body()
     if STORED_TOOL in request.scope:  # which may be another one when it is replayed
-        tool = from_json(request.scope[STORED_TOOL])
-        body = to_json({**from_json(body), "tool": tool})
+        body = to_json(with_tools(from_json(body), request.scope[STORED_TOOL]))
     content = PlanContent(body, outcome.content)
     record = await run_in_threadpool(_record, request, content, outcome)
     plans = store_of(request).plans

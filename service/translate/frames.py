@@ -90,7 +90,7 @@ def plan_in_root_frame(body: PlanRequest, chain: Chain) -> PlanRequest:
         "constraints": constraints_in_root_frame(body.constraints, frames),
     }
     if body.planner_options is not None:
-        changes["planner_options"] = _planner_options(body.planner_options, frames)
+        changes["planner_options"] = cartesian_in_root_frame(body.planner_options, frames)
     return body.model_copy(update=changes)
 
 
@@ -123,8 +123,16 @@ def single_goal_in_root_frame(goal: _Goal, frames: Frames, where: str) -> _Goal:
     return goal.model_copy(update={"pose": frames.pose(goal.pose, goal.frame, where)})
 
 
-def _planner_options(options: Mapping[str, Any], frames: Frames) -> dict[str, Any]:
-    """Options of the planner cartesian with their motions in the root frame."""
+def cartesian_in_root_frame(options: Mapping[str, Any], frames: Frames) -> dict[str, Any]:
+    """Options of the planner cartesian with their motions in the root frame.
+
+    Args:
+        options: The options as JSON has them.
+        frames: The frames that the request names.
+
+    Raises:
+        InvalidLinkName: A frame is unknown, or moves.
+    """
     changed = dict(options)
     for name in ("motions", "waypoints"):
         items = changed.get(name)

@@ -146,7 +146,9 @@ def options(
     return Options(
         planner=name,
         planner_options=given,
-        cartesian=_cartesian(body, chain) if tool_motion else _NO_TOOL_MOTIONS,
+        cartesian=cartesian(cartesian_options(body.planner_options), chain)
+        if tool_motion
+        else _NO_TOOL_MOTIONS,
         timing=timings.timing_options(body.timing),
         limits=timings.given_limits(body.limits, chain.joint_names),
         timeout=timeout,
@@ -171,8 +173,16 @@ def configuration_answer(chosen: ChosenConfiguration | None) -> dict[str, Any] |
     return None if chosen is None else asdict(chosen)
 
 
-def _cartesian(body: schema.PlanRequest, chain: Chain) -> CartesianOptions:
-    given = cartesian_options(body.planner_options)
+def cartesian(given: tool_motion.CartesianOptions, chain: Chain) -> CartesianOptions:
+    """Options of tool motions, those of a request in the root frame.
+
+    Args:
+        given: The options as the request has them.
+        chain: The robot, for frames of tolerances.
+
+    Raises:
+        ArmwrightError: A waypoint or a tolerance is malformed.
+    """
     return CartesianOptions(
         _motions(given.motions or ()),
         given.max_deviation,

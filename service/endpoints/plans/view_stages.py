@@ -25,6 +25,7 @@ from service.endpoints.tasks.stage_cells import (
     task_objects,
     told_transform,
 )
+from service.endpoints.tasks.stage_tools import robot_with_tip
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
@@ -72,10 +73,10 @@ def task_shown(
     moved = tuple(item for item in around.obstacles if item.id in names)
     still = tuple(item for item in around.obstacles if item.id not in names)
     alone = with_fingers(geometry, body.fingers or {})
-    parts = _parts(answer, geometry, around, body)
+    parts = _parts(answer, robot, around, body)
     extra = {
         "stages": _marks(parts),
-        "carriers": {item.id: [*_carriers(item, geometry, stages)] for item in moved},
+        "carriers": {item.id: [*_carriers(item, robot, stages)] for item in moved},
         "fingers": finger_tracks(alone, parts),
     }
     return Timeline(
@@ -99,8 +100,8 @@ def task_parts(
         request: The body.
         answer: Answer with the stages.
     """
-    body, geometry, around = _task_world(robot, scene, request)
-    return _parts(answer, geometry, around, body)
+    body, _, around = _task_world(robot, scene, request)
+    return _parts(answer, robot, around, body)
 
 
 def _task_world(
@@ -115,11 +116,11 @@ def _task_world(
 
 
 def _parts(
-    answer: Mapping[str, Any], geometry: RobotGeometry, around: Scene, body: TaskRequest
+    answer: Mapping[str, Any], robot: Reference, around: Scene, body: TaskRequest
 ) -> list[Part]:
     """The stages, each with the fingers where the one before left them."""
     stages = answer["stages"]
-    cells = stage_cells(stages, geometry, around, body.fingers or {})
+    cells = stage_cells(stages, robot, around, body.fingers or {})
     return [_stage_part(stage, cell) for stage, cell in zip(stages, cells, strict=True)]
 
 
@@ -242,11 +243,11 @@ def _things(world: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 
 def _carriers(
-    item: Obstacle, robot: RobotGeometry, stages: Sequence[Mapping[str, Any]]
+    item: Obstacle, robot: Reference, stages: Sequence[Mapping[str, Any]]
 ) -> Iterator[dict[str, Any]]:
     """Carriers of an object from the beginning of each stage on: a link, or the ground."""
-    chain = robot.chain
     for stage in stages:
+        chain = robot_with_tip(robot, stage["certificate"]["premises"]["tool"]).chain
         joint, T = -1, item.T_world_obstacle
         for placed in stage["after"]["objects"]:
             if placed["id"] == item.id:

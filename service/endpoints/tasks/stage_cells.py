@@ -17,6 +17,8 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.proof.premises import Premises
 from service.endpoints.attached_objects import RobotInScene, attach, attachment
+from service.endpoints.tasks.stage_tools import robot_with_tip
+from service.storage.caches.cache_key import Reference
 from service.translate import poses
 
 
@@ -38,7 +40,7 @@ class StageCell(NamedTuple):
 
 def stage_cells(
     stages: Sequence[Mapping[str, Any]],
-    robot: RobotGeometry,
+    reference: Reference,
     around: Scene,
     fingers: Mapping[str, float],
 ) -> list[StageCell]:
@@ -46,7 +48,7 @@ def stage_cells(
 
     Args:
         stages: Stages as the answer tells them.
-        robot: The robot alone, its fingers anywhere.
+        reference: The robot as the task begins.
         around: The scene with all objects, see ``task_objects``.
         fingers: Positions of the fingers at the task's beginning [rad or m].
     """
@@ -60,6 +62,9 @@ def stage_cells(
         ]
         scene = _with_places(around, places)
         allowed = [item["pair"] for item in stage["certificate"]["allowed_collisions"]]
+        robot = robot_with_tip(reference, stage["certificate"]["premises"]["tool"])
+        own = robot.fingers.positions
+        fingers = {name: fingers.get(name, at) for name, at in own.items()}
         first = last = attach(with_fingers(robot, fingers), scene, held, allowed)
         if after["fingers"] != fingers:
             fingers = after["fingers"]

@@ -1,14 +1,15 @@
 """Tasks of several stages as requests ask for them, in workers."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic_core import to_json
 
+from armwright_wire.plans.stages import SingleStage
 from armwright_wire.plans.task import TaskRequest
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
@@ -16,15 +17,18 @@ from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.options import MAX_TIMEOUT
+from planning.sequence.blocks import Flat, plan_blocks
 from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan, TaskOptions, Trial
 from planning.sequence.search import plan_task
-from planning.sequence.stage import describe_stage
+from planning.sequence.stage import Signal, describe_stage
 from planning.sequence.task import Task
 from planning.sequence.world import Held, World
 from service.endpoints.attached_objects import attachment, requested_scene, scene_notes
 from service.endpoints.plan.task import check_solids, reproducibility
 from service.endpoints.tasks import translation
+from service.endpoints.tasks.expansion import blocks
 from service.endpoints.tasks.stage_cells import moved, stage_cells, task_objects
+from service.endpoints.tasks.stage_tools import stage_robots
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, problems, trajectories
@@ -34,6 +38,8 @@ from service.workers import current
 from service.workers.answer import in_frame
 from service.workers.result import TaskProblem, timed_out
 from service.workers.task import GRACE, task
+
+Flats = Sequence[Flat[SingleStage]]
 
 #: Trials that are answered: at 100 bytes each, two hundred kilobytes.
 _MAX_TRIALS = 2_000
@@ -64,14 +70,21 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
     remaining = min(current.deadline().remaining, MAX_TIMEOUT)
     if not remaining > 0.0:
         return timed_out("the search began", "task")
-    stages = translation.stages(body, geometry, world.scene, start, remaining)
-    asked = Task(world, start, stages, body.seed)
     told = scene_notes(alone, around, [item.id for item in body.attached or ()])
+    asked: list[_Asked] = []
 
-    def written(found: SequencePlan) -> bytes:
-        answer = _answer(found, asked, body) | poses.notes_of(body, told)
+    def attempt(flat: Flats, options: TaskOptions) -> SequencePlan | SequenceFailure:
+        own = [one.stage for one in flat]
+        robots = [*stage_robots(robot, own)]
+        made = translation.stages(body, own, robots, world.scene, start, options.timeout)
+        asked[:] = [_Asked(Task(world, start, made, body.seed), flat, body)]
+        return plan_task(asked[0].task, options)
+
+    def written(found: SequencePlan, of: _Asked) -> bytes:
+        answer = _answer(found, of) | poses.notes_of(body, told)
         stages = answer["stages"]
-        cells = stage_cells(stages, alone, task_objects(alone, around, body), body.fingers or {})
+        objects = task_objects(alone, around, body)
+        cells = stage_cells(stages, robot, objects, geometry.fingers.positions)
         for plan, stage, cell in zip(found.stages, stages, cells, strict=True):
             premises = cell.premises(plan.certificate.premises.margin)
             stage["certificate"]["premises"] = certificates.premises_answer(premises, body.scene)
@@ -79,15 +92,29 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
 
     options = TaskOptions(
         remaining, body.improve, body.allow_partial, current.report,
-        lambda found: current.offer(partial(written, found)),
+        lambda found: current.offer(partial(written, found, asked[0])),
         problems.goal_costs(body.goal_costs),
     )  # fmt: skip
-    outcome = plan_task(asked, options)
+    outcome = plan_blocks(blocks(body.stages), options, attempt)
     if isinstance(outcome, SequenceFailure):
         return TaskProblem(
-            outcome.code, outcome.message, outcome.hint, _failure_details(asked, outcome)
+            outcome.code, outcome.message, outcome.hint, _failure_details(asked[0].task, outcome)
         )
-    return written(outcome)
+    return written(outcome, asked[0])
+
+
+class _Asked(NamedTuple):
+    """A flat list of stages that was planned.
+
+    Args:
+        task: The task.
+        flat: Its stages as the request has them, with what each is for.
+        body: The request.
+    """
+
+    task: Task
+    flat: Flats
+    body: TaskRequest
 
 
 def _start(body: TaskRequest, robot: RobotGeometry) -> Array:
@@ -116,16 +143,21 @@ def _world(body: TaskRequest, robot: RobotGeometry, scene: Scene) -> World:
 # --------------------------------------------------------------------------------- the answer
 
 
-def _answer(outcome: SequencePlan, asked: Task, body: TaskRequest) -> dict[str, Any]:
+def _answer(outcome: SequencePlan, whole: _Asked) -> dict[str, Any]:
+    asked, flat, body = whole
     # Objects that the request moved are told even where no stage moves them again.
     elsewhere = {item.id for item in body.objects or ()}
     obstacles = asked.world.scene.obstacles
     before = {o.id: o.T_world_obstacle for o in obstacles if o.id not in elsewhere}
     begins, stages = 0.0, []
     for stage in outcome.stages:
-        period = (body.stages[stage.index].timing or body.timing).sample_period
-        reference = reference_answer(asked.world.robot.chain, stage.plan, body.seed)
-        stages.append(_stage_answer(stage, begins, before, period) | {"reference": reference})
+        given, of = flat[stage.index]
+        period = (given.timing or body.timing).sample_period
+        reference = reference_answer(stage.after.robot.chain, stage.plan, body.seed)
+        said = asked.stages[stage.index]
+        event = {"port": said.port, "value": said.value} if isinstance(said, Signal) else None
+        more = {"reference": reference, "item": of, "event": event}
+        stages.append(_stage_answer(stage, begins, before, period) | more)
         begins += stage.trajectory.duration
     failure = outcome.failure
     return {

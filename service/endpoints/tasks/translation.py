@@ -2,16 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal, cast
+from typing import Any, cast
 
 import numpy as np
 
 from armwright_wire.goals.goal import SingleGoal
-from armwright_wire.plans import task as schema
+from armwright_wire.goals.tool_motion import CartesianOptions as CartesianBody
+from armwright_wire.goals.tool_motion import cartesian_options
+from armwright_wire.plans import stages as schema
+from armwright_wire.plans.task import TaskRequest
 from armwright_wire.robots.reach import ReachTolerance
 from armwright_wire.scenes.check import Attached
 from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidOption
+from kinematics.pose import transform
 from kinematics.tree.srdf import state
 from obstacles.robots.grasps import GraspKind, GraspSearch, find_grasps, jaw_span, object_down
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -22,11 +26,14 @@ from planning.reach.evaluation import Axis, Tolerance
 from planning.sequence.stage import (
     Attach,
     Detach,
+    DirectionFrame,
+    Follow,
     Grasp,
     Gripper,
     Load,
     Move,
     Place,
+    Signal,
     Stage,
     StageSettings,
     Straight,
@@ -36,25 +43,36 @@ from planning.sequence.target import grasp_region, place_region
 from service.translate import poses, timings
 from service.translate.constraints import constraint
 from service.translate.contacts import contacts, touch_depth
-from service.translate.frames import Frames, constraints_in_root_frame
-from service.translate.problems import planner_name
+from service.translate.frames import (
+    Frames,
+    cartesian_in_root_frame,
+    constraints_in_root_frame,
+)
+from service.translate.problems import cartesian, planner_name
 
 #: Frame and direction of straight motions that name none.
-_DIRECTIONS: Mapping[str, tuple[Literal["tool", "root"], tuple[float, float, float]]] = {
+_DIRECTIONS: Mapping[str, tuple[DirectionFrame, tuple[float, float, float]]] = {
     "approach": ("tool", (0.0, 0.0, 1.0)),
+    "insert": ("tool", (0.0, 0.0, 1.0)),
     "retreat": ("tool", (0.0, 0.0, -1.0)),
     "lift": ("root", (0.0, 0.0, 1.0)),
 }
 
 
 def stages(
-    body: schema.TaskRequest, robot: RobotGeometry, scene: Scene, start: Array, timeout: float
+    body: TaskRequest,
+    flat: Sequence[schema.SingleStage],
+    robots: Sequence[RobotGeometry],
+    scene: Scene,
+    start: Array,
+    timeout: float,
 ) -> tuple[Stage, ...]:
     """The stages of a request, all poses in the root frame.
 
     Args:
         body: The request.
-        robot: The robot alone.
+        flat: Its stages, those of blocks put in.
+        robots: The robot alone, with the tool that it has in each stage.
         scene: The objects that are not held at the start.
         start: Configuration of the robot at the start, shape (n,) [rad or m].
         timeout: Timeout for all stages together [s].
@@ -62,25 +80,26 @@ def stages(
     Raises:
         ArmwrightError: A stage is malformed; the message and the details say which.
     """
-    frames = Frames(robot.chain, start, body.frame)
-    translator = _Translator(body, robot, scene, frames, timeout)
-    return tuple(translator.stage(k) for k in range(len(body.stages)))
+    names = {stage.name: k for k, stage in enumerate(flat) if stage.name is not None}
+    made: list[Stage] = []
+    for k, (stage, robot) in enumerate(zip(flat, robots, strict=True)):
+        frames = Frames(robot.chain, start, body.frame)
+        made.append(_Translator(body, names, robot, scene, frames, timeout).stage(k, stage))
+    return tuple(made)
 
 
 class _Translator:
     """Translates the stages of one request."""
 
     def __init__(
-        self, body: schema.TaskRequest, robot: RobotGeometry, scene: Scene, frames: Frames,
-        timeout: float,
+        self, body: TaskRequest, names: Mapping[str, int], robot: RobotGeometry, scene: Scene,
+        frames: Frames, timeout: float,
     ) -> None:  # fmt: skip
         self._body, self._robot, self._scene, self._frames = body, robot, scene, frames
-        self._timeout = timeout
-        self._names = {s.name: k for k, s in enumerate(body.stages) if s.name is not None}
+        self._timeout, self._names = timeout, names
 
-    def stage(self, k: int) -> Stage:
+    def stage(self, k: int, body: schema.SingleStage) -> Stage:
         """Stage ``k``, its faults told with its number."""
-        body = self._body.stages[k]
         try:
             return self._stage(k, body)
         except ArmwrightError as error:
@@ -88,13 +107,15 @@ class _Translator:
             message = f"stages[{k}] ({body.kind}): {error.message}"
             raise type(error)(message, hint=error.hint, **details) from None
 
-    def _stage(self, k: int, body: schema.StageUnion) -> Stage:
+    def _stage(self, k: int, body: schema.SingleStage) -> Stage:
         settings = self._settings(body)
         match body:
             case schema.MoveStage():
                 return self._move(body, settings)
-            case schema.ApproachStage() | schema.RetreatStage() | schema.LiftStage():
+            case schema.StraightStage():
                 return _straight(body, settings)
+            case schema.LineStage() | schema.ArcStage() | schema.SeamStage():
+                return Follow(body.kind, settings)
             case schema.GraspStage():
                 grips = self._grasps(body)
                 return Grasp(
@@ -106,27 +127,22 @@ class _Translator:
                     body.object, self._places(body, k), body.relative_to, supports(body.support),
                     settings, touch_depth(body.touch_depth),
                 )  # fmt: skip
-            case schema.AttachStage():
-                touching = tuple(body.touch_links), load(body), settings
-                depth = touch_depth(body.touch_depth)
-                return Attach(body.object, body.link, *touching, depth)
-            case schema.DetachStage():
-                depth = touch_depth(body.touch_depth)
-                return Detach(body.object, tuple(body.touch_links), settings, depth)
-            case schema.WaitStage():
-                return WaitStage(body.duration, settings)
-            case _:
+            case schema.OpenStage() | schema.CloseStage():
                 until = body.until if isinstance(body, schema.CloseStage) else None
                 return Gripper(body.kind, self._fingers(body), body.duration, settings, until)
+            case _:
+                return _still(body, settings)
 
-    def _settings(self, body: schema.StageUnion) -> StageSettings:
+    def _settings(self, body: schema.SingleStage) -> StageSettings:
         task = self._body
         timing = body.timing or task.timing
+        if isinstance(body, schema.FollowStage) and body.tool_speed is not None:
+            timing = timing.model_copy(update={"tool_speed": body.tool_speed})
         chain = self._robot.chain
         wanted = constraints_in_root_frame(body.constraints, self._frames)
         pairs = [*(task.allowed_collisions or ()), *(body.allowed_collisions or ())]
         planner = planner_name(body.planner) if isinstance(body, schema.MoveStage) else "auto"
-        deviations = CartesianOptions()
+        deviations = self._cartesian(body)
         if isinstance(body, schema.StraightStage):
             deviations = CartesianOptions(
                 max_deviation=body.max_deviation,
@@ -146,7 +162,31 @@ class _Translator:
                 seed=task.seed,
                 stops=task.stops,
             ),
+            robot=self._robot,
         )
+
+    def _cartesian(self, body: schema.StageBody) -> CartesianOptions:
+        """Lines, arcs or the seam of a stage; none of others."""
+        given: dict[str, Any] = body.model_dump(mode="json", exclude_unset=True)
+        names = {"max_deviation", "max_orientation_deviation", "blend"}
+        motions: list[dict[str, Any]] | None = None
+        match body:
+            case schema.LineStage():
+                poses = given.get("poses") or [given["pose"]]
+                motions = [{"type": "lin", "pose": pose} for pose in poses]
+            case schema.ArcStage():
+                frame = given["pose"].pop("frame", None)
+                names_of = {"pose", "via", "center", "normal"} & given.keys()
+                arc: dict[str, Any] = {name: given[name] for name in names_of}
+                motions = [{"type": "circ", "frame": frame, **arc}]
+            case schema.SeamStage():
+                names = {*CartesianBody.model_fields}
+            case _:
+                return CartesianOptions()
+        options = {name: given[name] for name in names if name in given}
+        options |= {} if motions is None else {"motions": motions}
+        rooted = cartesian_in_root_frame(options, self._frames)
+        return cartesian(cartesian_options(rooted), self._robot.chain)
 
     def _move(self, body: schema.MoveStage, settings: StageSettings) -> Move:
         if body.end_of is not None:
@@ -218,8 +258,9 @@ class _Translator:
 
     def _places(self, body: schema.PlaceStage, k: int) -> Array:
         where = f"stages[{k}]"
-        region = body.region
+        region, grid = body.region, body.grid or body.stack
         given = body.poses if region is None else [region.pose]
+        given = [grid.pose] if grid is not None else given
         assert given is not None
         named = [frame for pose in given if (frame := poses.frame_of(pose)) is not None]
         if body.relative_to is not None:
@@ -232,6 +273,8 @@ class _Translator:
         else:
             rooted = [self._frames.pose(pose, None, where) for pose in given]
             matrices = [poses.transform(pose) for pose in rooted]
+        if grid is not None:
+            return _on_grid(matrices[0], grid)
         if region is None:
             return np.array(matrices)
         return place_region(
@@ -242,23 +285,74 @@ class _Translator:
         )
 
 
+def _still(
+    body: schema.AttachStage
+    | schema.DetachStage
+    | schema.WaitStage
+    | schema.SignalStage
+    | schema.SetStage
+    | schema.WaitForStage,
+    settings: StageSettings,
+) -> Stage:
+    """A stage in which the arm stands still and no finger moves."""
+    match body:
+        case schema.AttachStage():
+            touching = tuple(body.touch_links), load(body), settings
+            return Attach(body.object, body.link, *touching, touch_depth(body.touch_depth))
+        case schema.DetachStage():
+            depth = touch_depth(body.touch_depth)
+            return Detach(body.object, tuple(body.touch_links), settings, depth)
+        case schema.WaitStage():
+            return WaitStage(body.duration, settings)
+        case schema.SignalStage():
+            return Signal(body.kind, body.output, float(body.value), body.duration, settings)
+        case schema.SetStage():
+            return Signal(body.kind, body.output, body.value, 0.0, settings)
+        case schema.WaitForStage():
+            return Signal(body.kind, body.input, float(body.value), 0.0, settings)
+
+
 def supports(given: str | list[str] | None) -> tuple[str, ...]:
     """Names of the supports that an object stands on."""
     return (given,) if isinstance(given, str) else tuple(given or ())
 
 
-def _straight(
-    body: schema.ApproachStage | schema.RetreatStage | schema.LiftStage, settings: StageSettings
-) -> Straight:
-    frame, direction = _DIRECTIONS[body.kind]
-    return Straight(
-        body.kind,
-        direction if body.direction is None else body.direction,
-        body.frame or frame,
-        body.distance[0],
-        body.distance[1],
-        settings,
+def _on_grid(T: Array, grid: schema.PlaceGrid) -> Array:
+    """Free places of a grid or stack: along x first, then along y, then along z."""
+    across, along, up = grid.count
+    numbers = range(grid.first, across * along * up)
+    if not numbers:
+        raise InvalidOption(
+            f"all {across * along * up} places of the grid are taken",
+            hint="Give a larger count, or fewer objects.",
+        )
+    if grid.fill == "next":
+        numbers = numbers[:1]
+    if len(numbers) > schema.MAX_TARGETS:
+        raise InvalidOption(f"there are {len(numbers)} places, at most {schema.MAX_TARGETS}")
+    cells = np.array([[k % across, k // across % along, k // (across * along)] for k in numbers])
+    steps = np.array([transform(None, cell * np.array(grid.step)) for cell in cells])
+    return np.asarray(T @ steps)
+
+
+def _straight(body: schema.StraightStage, settings: StageSettings) -> Straight:
+    assert isinstance(
+        body,
+        schema.ApproachStage | schema.RetreatStage | schema.LiftStage | schema.InsertStage,
     )
+    frame, direction = _DIRECTIONS[body.kind]
+    if body.direction == "normal":
+        inward = body.kind in ("approach", "insert")
+        frame, direction = "normal", (0.0, 0.0, -1.0 if inward else 1.0)
+    along = direction if not isinstance(body.direction, list) else body.direction
+    if isinstance(body, schema.InsertStage):
+        ends, into = (body.distance, body.distance), supports(body.into)
+        depth = touch_depth(body.touch_depth)
+        return Straight(
+            body.kind, along, body.frame or frame, *ends, settings, body.relative_to, into, depth
+        )
+    ends = body.distance[0], body.distance[1]
+    return Straight(body.kind, along, body.frame or frame, *ends, settings, body.relative_to)
 
 
 def _grasps(body: schema.GraspStage) -> Array:

@@ -16,11 +16,13 @@ class Mount:
         tcp: Name of its tip; None where it has one, or the tip is another.
         held: An attached object with the pose of the tip on it, JSON; None where the tip is no
             object's.
+        others: Tools that stages of a task take in its place, by name, JSON.
     """
 
     tool: bytes | None
     tcp: str | None = None
     held: bytes | None = None
+    others: tuple[tuple[str, bytes], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

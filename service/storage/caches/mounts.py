@@ -1,10 +1,10 @@
 """Tools that requests mount: found by name, and packed for the workers."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from pydantic import BaseModel
-from pydantic_core import to_json
+from pydantic_core import from_json, to_json
 
 from armwright_wire.scenes.tool import BUILTIN_TOOLS
 from kinematics.errors import InvalidObjectName, InvalidOption
@@ -33,20 +33,60 @@ def mount_of(asked: Asked, stored: Callable[[str], bytes]) -> Mount | None:
         InvalidObjectName: The tip is that of an object which is not attached.
     """
     tool, tcp = _field(asked, "tool"), _field(asked, "tcp")
+
+    def found(tool: Any) -> bytes:
+        return (builtin_tool(tool) or stored(tool)) if isinstance(tool, str) else _packed(tool)
+
+    named = {_name_of(one): found(one) for one in stage_tools(_field(asked, "stages"))}
+    others = tuple(sorted(named.items()))
+    document = None if tool is None else found(tool)
     if tool is None and tcp is None:
-        return None
-    document = None
-    if tool is not None:
-        is_name = isinstance(tool, str)
-        document = (builtin_tool(tool) or stored(tool)) if is_name else _packed(tool)
+        return Mount(None, others=others) if others else None
     if tcp is None or isinstance(tcp, str):
         if document is None:
             raise InvalidOption(
                 f"tcp: {tcp!r} is the tip of a tool, and the request names none",
                 hint='Give tool, or {"object": id, "pose": ...} for a tip of what is held.',
             )
-        return Mount(document, tcp)
-    return Mount(document, None, _held(asked, tcp))
+        return Mount(document, tcp, others=others)
+    return Mount(document, None, _held(asked, tcp), others)
+
+
+def stage_tools(stages: Any) -> Iterator[Any]:
+    """The tools that stages of a task name, those inside of for_each and fallback too."""
+    for stage in stages or ():
+        if isinstance(stage, list):
+            yield from stage_tools(stage)
+            continue
+        if _field(stage, "tool") is not None:
+            yield _field(stage, "tool")
+        yield from stage_tools(_field(stage, "stages"))
+        yield from stage_tools(_field(stage, "fallback"))
+
+
+def with_tools(content: Any, documents: Mapping[str, bytes]) -> Any:
+    """A request with the documents of tools in place of their names.
+
+    Args:
+        content: The request as JSON has it, or a part of it.
+        documents: Documents by name.
+    """
+    if isinstance(content, list):
+        return [with_tools(item, documents) for item in content]
+    if not isinstance(content, dict):
+        return content
+    changed = {
+        name: with_tools(part, documents) if name in ("stages", "fallback") else part
+        for name, part in content.items()
+    }
+    tool = content.get("tool")
+    if isinstance(tool, str) and tool in documents:
+        changed["tool"] = from_json(documents[tool])
+    return changed
+
+
+def _name_of(tool: Any) -> str:
+    return tool if isinstance(tool, str) else str(_field(tool, "name"))
 
 
 def _held(asked: Asked, tcp: Any) -> bytes:

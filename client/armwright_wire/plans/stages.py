@@ -1,0 +1,554 @@
+"""Stages of tasks on the wire."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeAlias
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from armwright_wire.base import (
+    Beside,
+    Body,
+    Label,
+    Length,
+    Matrix3,
+    NonNegative,
+    Number,
+    Point,
+    Positive,
+    Seed,
+    Vector3,
+    check_company,
+    exactly_one,
+)
+from armwright_wire.goals.constraint import Constraints
+from armwright_wire.goals.goal import Goal
+from armwright_wire.goals.tool_motion import CartesianOptions
+from armwright_wire.motions.timing import Timing
+from armwright_wire.motions.trajectory import LimitsBody
+from armwright_wire.pose import Pose, PoseInFrame
+from armwright_wire.robots.reach import ReachTolerance
+from armwright_wire.scenes.check import (
+    TOUCH_DEPTH,
+    AllowedCollisions,
+    FingerPositions,
+    Margin,
+    TouchDepth,
+)
+from armwright_wire.scenes.tool import Part, ToolReference
+
+MAX_STAGES = 200
+#: Grasps or places of one stage.
+MAX_TARGETS = 10_000
+MAX_TOUCHING = 100
+
+Range = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Samples = Annotated[int, Field(ge=1, le=1_000)]
+Labels = Annotated[list[Label], Field(max_length=MAX_TOUCHING)]
+Distance = Annotated[
+    list[Annotated[Positive, Field(le=10.0)]],
+    Field(
+        min_length=2, max_length=2, description="[least, most] way [m]; the longest is tried first"
+    ),
+]
+Support = Label | Annotated[list[Label], Field(min_length=1, max_length=100)]
+#: Number or name of an output or input.
+Port = Annotated[int, Field(ge=0, le=100_000)] | Label
+Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
+
+
+class StageBody(Body):
+    """Fields that every stage has."""
+
+    name: Label | None = Field(None, description="by which later stages refer to it")
+    margin: Margin | None = Field(None, description="in place of the task's [m]")
+    allowed_collisions: AllowedCollisions | None = Field(
+        None, description="pairs that may touch during this stage"
+    )
+    constraints: Constraints | None = Field(None, description="to be held during this stage")
+    timing: Timing | None = Field(None, description="in place of the task's")
+    limits: LimitsBody | None = Field(None, description="in place of the task's")
+    tool: ToolReference | None = Field(
+        None, description="that the robot has from this stage on, in place of the one before"
+    )
+    tcp: Part | None = Field(None, description="tip of the tool from this stage on")
+
+
+class MoveStage(StageBody):
+    """A free motion to a goal, or to where the approach after it begins."""
+
+    kind: Literal["move"] = "move"
+    goal: Goal | None = Field(
+        None, description="any that a plan takes; left out before an approach: where that begins"
+    )
+    tolerance: ReachTolerance | None = Field(
+        None, description="region about the goal's poses, in their own frame"
+    )
+    end_of: Label | None = Field(
+        None, description="in place of goal: name of an earlier stage, whose last configuration"
+    )
+    planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = Field(
+        "auto", description="one of those of a plan, but not cartesian"
+    )
+    blend: Annotated[Positive, Field(le=10.0)] | None = Field(
+        None,
+        description="pass the goal without resting, at most so far from it, Euclidean in joint "
+        "space [rad or m]; a free motion with the same timing and limits follows",
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "MoveStage":
+        if self.goal is not None and self.end_of is not None:
+            raise ValueError("give goal or end_of, not both")
+        if self.tolerance is not None and self.goal is None:
+            raise ValueError("tolerance needs goal")
+        if self.blend is not None and self.goal is None and self.end_of is None:
+            raise ValueError("blend needs goal or end_of: without, the stage ends at an approach")
+        if self.planner.lower() == "cartesian":
+            raise ValueError("planner cartesian: ask for an approach, retreat or lift")
+        return self
+
+
+class StraightStage(StageBody):
+    """A straight motion of the tool."""
+
+    direction: Vector3 | Literal["normal"] | None = Field(
+        None,
+        description="of the motion; if left out: approach and insert along z of the tool, retreat "
+        "against it, lift along z of the root. normal: along the surface normal that is nearest "
+        "to the tip, towards it for approach and insert",
+    )
+    frame: Literal["tool", "root", "object", "support"] | None = Field(
+        None,
+        description="of the direction; the root for lift, else the tool. object and support: those "
+        "of the grasp or place that it leads to or comes from, as they then stand",
+    )
+    relative_to: Label | None = Field(
+        None, description="the object whose frame or surface it is, in place of that of the target"
+    )
+    max_deviation: Deviation = Field(
+        1e-4, description="of the tool's origin from its line, for every instant [m]"
+    )
+    max_orientation_deviation: Deviation = Field(1e-3, description="of its orientation [rad]")
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "StraightStage":
+        if self.direction == "normal" and self.frame is not None:
+            raise ValueError("direction normal has no frame")
+        return self
+
+
+class ApproachStage(StraightStage):
+    """The straight end of the way to the grasp, place or goal of the next stage."""
+
+    kind: Literal["approach"] = "approach"
+    distance: Distance = Field(examples=[[0.05, 0.1]])
+
+
+class RetreatStage(StraightStage):
+    """A straight way off."""
+
+    kind: Literal["retreat"] = "retreat"
+    distance: Distance = Field(examples=[[0.05, 0.1]])
+
+
+class LiftStage(StraightStage):
+    """A straight way up."""
+
+    kind: Literal["lift"] = "lift"
+    distance: Distance = Field(examples=[[0.05, 0.1]])
+
+
+class InsertStage(StraightStage):
+    """What is held is pushed straight into something."""
+
+    kind: Literal["insert"] = "insert"
+    distance: Annotated[Positive, Field(le=10.0)] = Field(description="whole way [m]")
+    into: Support | None = Field(
+        None, description="what it may touch from this stage to the next free motion"
+    )
+    touch_depth: TouchDepth = TOUCH_DEPTH
+
+
+class FollowStage(StageBody):
+    """Lines or an arc of the tool from where it is."""
+
+    tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
+    max_deviation: Deviation = Field(
+        1e-4, description="of the tool's origin from its motion, for every instant [m]"
+    )
+    max_orientation_deviation: Deviation = Field(1e-3, description="of its orientation [rad]")
+
+
+class LineStage(FollowStage):
+    """A straight motion of the tool to a pose, or through several."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("pose", "poses")
+    only_beside: ClassVar[Beside] = {"blend": ("poses",)}
+
+    kind: Literal["line"] = "line"
+    pose: PoseInFrame | None = None
+    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=1_000)] | None = Field(
+        None, description="in order; the tool rests at each without a blend"
+    )
+    blend: NonNegative = Field(0.0, description="how far from corners the tool may cut them [m]")
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "LineStage":
+        exactly_one(self, self.one_of)
+        check_company(self)
+        return self
+
+
+class ArcStage(FollowStage):
+    """A circular motion of the tool to a pose, through a point or about a centre."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("via", "center")
+    only_beside: ClassVar[Beside] = {"normal": ("center",)}
+
+    kind: Literal["arc"] = "arc"
+    pose: PoseInFrame
+    via: Point | None = Field(None, description="on the arc, in the frame of the pose [m]")
+    center: Point | None = Field(None, description="in the frame of the pose [m]")
+    normal: Vector3 | None = Field(None, description="to turn about by the right hand")
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "ArcStage":
+        exactly_one(self, self.one_of)
+        check_company(self)
+        return self
+
+
+class SeamStage(StageBody, CartesianOptions):
+    """A seam as of the planner "cartesian"; the arm goes to its beginning by a free motion."""
+
+    kind: Literal["seam"] = "seam"
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "SeamStage":
+        if self.waypoints is None:
+            raise ValueError("a seam needs waypoints")
+        if self.allow_partial:
+            raise ValueError("a stage is done as a whole: leave allow_partial out")
+        return self
+
+
+class GraspRegion(Body):
+    """Grasps all about an axis of the object: Trans(d a) Rot(a, φ) pose."""
+
+    pose: Pose = Field(description="of the tool in the object's frame at angle and offset 0")
+    axis: Vector3 = Field([0.0, 0.0, 1.0], description="through the object's origin")
+    angles: Range = Field([0.0, 0.0], description="[least, largest] angle about it [rad]")
+    offsets: Range = Field([0.0, 0.0], description="[least, largest] way along it [m]")
+    angle_samples: Samples = Field(18, description="angles that are tried")
+    offset_samples: Samples = Field(1, description="offsets that are tried")
+
+
+class GraspSearch(Body):
+    """How grasps are looked for on the surface of an object."""
+
+    count: Annotated[int, Field(ge=1, le=500)] = Field(24, description="most grasps that are tried")
+    angles: Annotated[int, Field(ge=1, le=72)] = Field(
+        8, description="approaches about the line between the fingers, or turns of a cup"
+    )
+    friction: Annotated[Positive, Field(le=10.0)] = Field(
+        0.4, description="coefficient of friction at the fingers"
+    )
+    depth: Annotated[Number, Field(ge=-1.0, le=1.0)] = Field(
+        0.0, description="how far the tip goes beyond the middle of what is gripped [m]"
+    )
+    radius: Length = Field(0.01, description="in which a surface is flat under a cup [m]")
+    seed: Seed = 0
+
+
+class FoundGrasps(Body):
+    """Grasps found from the shape of the object, with the fingers of the robot or its tool."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("antipodal", "top", "side", "suction")
+
+    antipodal: GraspSearch | None = Field(None, description="two fingers, from anywhere")
+    top: GraspSearch | None = Field(
+        None, description="two fingers from above, as the object stands at the start"
+    )
+    side: GraspSearch | None = Field(None, description="two fingers, level")
+    suction: GraspSearch | None = Field(None, description="a cup on a flat place")
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "FoundGrasps":
+        exactly_one(self, self.one_of)
+        return self
+
+
+def _form_of_grasps(value: object) -> str:
+    named = isinstance(value, dict) and not FoundGrasps.model_fields.keys().isdisjoint(value)
+    return "found" if named or isinstance(value, FoundGrasps) else "list"
+
+
+if TYPE_CHECKING:
+    # Tuples may be given.
+    Grasps: TypeAlias = Sequence[Pose] | FoundGrasps
+else:
+    Grasps = Annotated[
+        Annotated[list[Pose], Field(min_length=1, max_length=MAX_TARGETS), Tag("list")]
+        | Annotated[FoundGrasps, Tag("found")],
+        Discriminator(_form_of_grasps),
+    ]
+
+
+class GraspStage(StageBody):
+    """A choice among grasps of an object; without an approach before it, a free motion there."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("grasps", "region")
+
+    kind: Literal["grasp"] = "grasp"
+    object: Label = Field(description="name of the obstacle", examples=["crate"])
+    grasps: Grasps | None = Field(
+        None,
+        description="poses of the tool in the object's frame, or how they are found from its shape",
+    )
+    region: GraspRegion | None = Field(None, description="of grasps, in place of a list")
+    touch_links: Labels = Field(
+        default_factory=list,
+        description="links that may touch the object from the approach on, and while it is held",
+    )
+    support: Support | None = Field(
+        None, description="what it stands on: they may touch from attach to the end of the lift"
+    )
+    touch_depth: TouchDepth = TOUCH_DEPTH
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "GraspStage":
+        exactly_one(self, self.one_of)
+        return self
+
+
+class PlaceRegion(Body):
+    """Poses of the object on a rectangle across z of a pose, turned about that z."""
+
+    pose: PoseInFrame = Field(description="of the object in the middle of the rectangle")
+    size: Annotated[list[NonNegative], Field(min_length=2, max_length=2)] = Field(
+        [0.0, 0.0], description="along x and y of the pose [m]"
+    )
+    angles: Range = Field([0.0, 0.0], description="[least, largest] angle about its z [rad]")
+    samples: Annotated[list[Samples], Field(min_length=2, max_length=2)] = Field(
+        [3, 3], description="along x and y"
+    )
+    angle_samples: Samples = Field(4, description="angles that are tried")
+
+
+class PlaceGrid(Body):
+    """Poses of objects side by side; a place inside of `for_each` takes the next one."""
+
+    pose: PoseInFrame = Field(description="of the first object")
+    step: Point = Field(description="from one to the next along x, y and z of the pose [m]")
+    count: Annotated[list[Samples], Field(min_length=3, max_length=3)] = Field(
+        [1, 1, 1000], description="along x, y and z; along x first"
+    )
+    first: Annotated[int, Field(ge=0)] = Field(0, description="number of the first free place")
+    fill: Literal["next", "any"] = Field(
+        "next", description="the next place by number, or any that is free"
+    )
+
+
+class PlaceStage(StageBody):
+    """A choice among poses of the held object; without an approach, a free motion there."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("poses", "region", "grid", "stack")
+
+    kind: Literal["place"] = "place"
+    object: Label | None = Field(None, description="what is held, if that is one thing")
+    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=MAX_TARGETS)] | None = Field(
+        None, description="of the object"
+    )
+    region: PlaceRegion | None = Field(None, description="of poses, in place of a list")
+    grid: PlaceGrid | None = Field(None, description="of poses, filled one by one")
+    stack: PlaceGrid | None = Field(
+        None, description="likewise; each object may touch the one that was put there before it"
+    )
+    relative_to: Label | None = Field(
+        None, description="an obstacle in whose frame the poses are, wherever it then stands"
+    )
+    support: Support | None = Field(
+        None, description="what it is put on: they may touch from the approach to detach"
+    )
+    touch_depth: TouchDepth = TOUCH_DEPTH
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "PlaceStage":
+        exactly_one(self, self.one_of)
+        return self
+
+
+class AttachStage(StageBody):
+    """The object becomes a part of the robot, where it stands."""
+
+    only_beside: ClassVar[Beside] = {"center_of_mass": ("mass",), "inertia": ("mass",)}
+
+    kind: Literal["attach"] = "attach"
+    object: Label = Field(description="name of the obstacle", examples=["crate"])
+    link: Label | None = Field(None, description="that holds it and moves with the tip; the tip")
+    touch_links: Labels = Field(
+        default_factory=list, description="links and obstacles that it may touch while it is held"
+    )
+    touch_depth: TouchDepth = TOUCH_DEPTH
+    mass: Positive | None = Field(None, description="for torques [kg]")
+    center_of_mass: Point | None = Field(None, description="in the object's frame [m]")
+    inertia: Matrix3 | None = Field(None, description="about it, in the object's axes [kg m^2]")
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "AttachStage":
+        check_company(self)
+        return self
+
+
+class DetachStage(StageBody):
+    """The object becomes an obstacle, where it is held."""
+
+    kind: Literal["detach"] = "detach"
+    object: Label | None = Field(None, description="what is held, if that is one thing")
+    touch_links: Labels = Field(
+        default_factory=list,
+        description="links that may touch it until a free motion begins, beside those of its grasp",
+    )
+    touch_depth: TouchDepth = TOUCH_DEPTH
+
+
+class WaitStage(StageBody):
+    """The arm stands still."""
+
+    kind: Literal["wait"] = "wait"
+    duration: Annotated[Positive, Field(le=3600.0)] = Field(description="[s]")
+
+
+class GripperStage(StageBody):
+    """The gripper opens or closes while the arm stands still."""
+
+    joints: FingerPositions | None = Field(
+        None,
+        description="where joints of the gripper go [rad or m]; the others stay. If left out, the "
+        "gripper's state of the name open or close, if it has one",
+    )
+    state: Label | None = Field(None, description="in place of joints: a state of the gripper")
+    duration: Annotated[Positive, Field(le=3600.0)] | None = Field(
+        None, description="[s]; half a second if left out, or what the fingers' speeds need"
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "GripperStage":
+        if self.joints is not None and self.state is not None:
+            raise ValueError("give joints or state, not both")
+        return self
+
+
+class OpenStage(GripperStage):
+    """The gripper opens."""
+
+    kind: Literal["open"] = "open"
+
+
+class CloseStage(GripperStage):
+    """The gripper closes."""
+
+    kind: Literal["close"] = "close"
+    until: Literal["contact"] | None = Field(
+        None,
+        description="contact: the fingers stop where they touch the object of the grasp right "
+        "before, for each grasp of its list where that is; joints or state say how far they may "
+        "close. A grasp that fewer than two fingers touch is not taken",
+    )
+
+
+class SignalStage(StageBody):
+    """A digital output is switched while the arm stands still: it stands in the program."""
+
+    kind: Literal["signal"] = "signal"
+    output: Port = Field(description="number of the output, or its name", examples=[3])
+    value: bool = True
+    duration: Annotated[NonNegative, Field(le=3600.0)] = Field(
+        0.0, description="how long the arm stands after it [s]"
+    )
+
+
+class SetStage(StageBody):
+    """An analog output is given a number while the arm stands still."""
+
+    kind: Literal["set"] = "set"
+    output: Port = Field(description="number of the output, or its name", examples=["spindle"])
+    value: Number
+
+
+class WaitForStage(StageBody):
+    """The program waits for a digital input while the arm stands still."""
+
+    kind: Literal["wait_for"] = "wait_for"
+    input: Port = Field(description="number of the input, or its name", examples=[1])
+    value: bool = True
+
+
+class ForEachStage(Body):
+    """Stages once for each object; `{object}` in their texts is the object's name."""
+
+    kind: Literal["for_each"] = "for_each"
+    for_each: dict[
+        Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")],
+        Annotated[list[Label], Field(min_length=1, max_length=MAX_STAGES)],
+    ] = Field(
+        examples=[{"object": ["part_1", "part_2"]}],
+        description="names that stand for `{object}`; several lists of one length go side by side",
+    )
+    order: Literal["written", "free"] = Field(
+        "written", description="free: another order where this one can't be done"
+    )
+    stages: Annotated[list["StageUnion"], Field(min_length=1, max_length=MAX_STAGES)]
+
+    @model_validator(mode="after")
+    def _check_lists(self) -> "ForEachStage":
+        if len({len(items) for items in self.for_each.values()}) != 1:
+            raise ValueError("for_each: give lists of one length")
+        return self
+
+
+class FallbackStage(Body):
+    """Alternatives in order: the first that can be done, with all that follows."""
+
+    kind: Literal["fallback"] = "fallback"
+    fallback: Annotated[
+        list[Annotated[list["StageUnion"], Field(max_length=MAX_STAGES)]],
+        Field(min_length=1, max_length=100),
+    ]
+
+
+def _with_kind(value: object) -> object:
+    """A stage that is told by its own field, with its kind."""
+    if isinstance(value, dict) and "kind" not in value:
+        for kind in ("for_each", "fallback"):
+            if kind in value:
+                return {"kind": kind, **value}
+    return value
+
+
+#: A stage that is no block of others.
+SingleStage: TypeAlias = (
+    MoveStage
+    | ApproachStage
+    | RetreatStage
+    | LiftStage
+    | GraspStage
+    | PlaceStage
+    | AttachStage
+    | DetachStage
+    | WaitStage
+    | OpenStage
+    | CloseStage
+    | InsertStage
+    | LineStage
+    | ArcStage
+    | SeamStage
+    | SignalStage
+    | SetStage
+    | WaitForStage
+)
+StageUnion = Annotated[
+    SingleStage | ForEachStage | FallbackStage,
+    Field(discriminator="kind"),
+    BeforeValidator(_with_kind),
+]
