@@ -1,118 +1,29 @@
-"""A motion as a file for a controller, and the proof of what the controller makes of the file.
-
-The statement at the head of an exported file: what is proved of it, and what is not.
-"""
+"""A motion as a file for a controller, and the proof of what the controller makes of the file."""
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
-from kinematics.model.branch import BodyTree
-from kinematics.model.chain import Limits
+from kinematics.model.chain import Chain, Limits
 from kinematics.trajectory.interpolation import interpolate
-from kinematics.trajectory.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory, concatenate
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.exports import formats
-from planning.exports.formats import ExportPoints, export_points
+from planning.exports.corners import fitted_corners, lever_arms
+from planning.exports.languages import Krl, Language, Rapid, URScript
 from planning.exports.options import ExportFormat, ExportOptions, Rule
+from planning.exports.points import ExportPoints, export_points
+from planning.exports.statement import comments, unproved_parts
 from planning.proof.certificate import Certificate, certify
 from planning.proof.premises import Premises
 from planning.values.deadline import Deadline
 from planning.values.limits import RATIO_TOLERANCE, MotionLimits
-
-#: Sign that begins a comment; JSON has none.
-_SIGNS = {ExportFormat.RAPID: "!", ExportFormat.KRL: ";"}
-RULES = {
-    Rule.QUINTIC: "quintic polynomials through positions, velocities and accelerations",
-    Rule.CUBIC: "cubic polynomials through positions and velocities",
-    Rule.LINEAR: "straight lines in joint space at constant rates",
-    Rule.STRAIGHT_LEGS: "straight lines in joint space from point to point",
-}
-_STAND = "The arm stands at the first point, within the tolerance, when the motion begins."
-_TRACKING = "Tracking errors of the drives, beyond the joint tolerance named here."
-_ROS = "Other settings of joint_trajectory_controller than interpolation_method: splines."
-_TABLE = "A reader of the table that interpolates in another way."
-_SERVOJ = (
-    "The smoothing of servoj by lookahead_time and gain, which is not published: only the "
-    "setpoints and the lines between them are proved."
-)
-_PROPORTION = "Axes that do not keep step between two points, so that the leg is not straight."
-_BLEND = "The corners that the controller cuts by blending: their shape is not published."
-_PARTS = {
-    ExportFormat.CSV: (_TABLE,),
-    ExportFormat.URSCRIPT_SERVOJ: (_SERVOJ,),
-    ExportFormat.URSCRIPT_MOVEJ: (),
-    ExportFormat.RAPID: (_PROPORTION,),
-    ExportFormat.KRL: (_PROPORTION,),
-}
-
-
-def unproved_parts(options: ExportOptions, certificate: Certificate) -> tuple[str, ...]:
-    """Sentences on what the proof of an export does not cover.
-
-    Args:
-        options: Options of the export.
-        certificate: Certificate of the controller's motion.
-    """
-    parts = (*_PARTS.get(options.format, (_ROS,)), _TRACKING)
-    if options.blend:
-        parts = (_BLEND, *parts)
-    if options.is_path:
-        parts = (*parts, "Speeds and accelerations, which the controller chooses.")
-    return (*certificate.proved.reasons, *parts)
-
-
-def comments(
-    options: ExportOptions,
-    rule: Rule,
-    certificate: Certificate,
-    proved: bool,
-    unproved: tuple[str, ...],
-    tolerance: float | None,
-) -> list[str]:
-    """Comment lines for the head of a file, in ASCII.
-
-    Args:
-        options: Options of the export.
-        rule: The interpolation between the points.
-        certificate: Certificate of the controller's motion.
-        proved: The rule covers the whole file, and nothing collides.
-        unproved: Sentences on what the proof does not cover.
-        tolerance: Tracking error that the clearance covers [rad or m].
-    """
-    lines = [f"Written by Armwright: {options.format.value}."]
-    lines.append(f"Between the points: {RULES[rule]}.")
-    against = certificate.premises.against()
-    if proved:
-        lines.append(f"PROVED free of collisions by that rule, {against}. {_STAND}")
-    else:
-        lines.append(f"NOT PROVED free of collisions. It was looked at {against}.")
-    if certificate.proved.collisions and math.isfinite(certificate.min_clearance):
-        subject = "" if options.blend == 0.0 else " of the legs"
-        lines.append(f"Proved clearance{subject}: {certificate.min_clearance:.6g} m.")
-    if tolerance is not None:
-        lines.append(f"Joint tolerance covered by it: {tolerance:.3g} rad (m of slides).")
-    lines += [f"Not covered: {sentence}" for sentence in unproved]
-    lines += [
-        f"Not kept apart ({item.reason}): {' and '.join(item.pair)}, "
-        + ("joined or touching as built." if item.overlap is None else
-           f"at most {item.overlap:.6g} m deep.")
-        for item in certificate.allowed_collisions
-    ]  # fmt: skip
-    sign = _SIGNS.get(options.format, "#")
-    return [f"{sign} {_plain(line)}" for line in lines]
-
-
-def _plain(text: str) -> str:
-    """Text on one line in printable ASCII: names of robots and obstacles are anybody's."""
-    return re.sub(r"[^ -~]", "?", text)
-
 
 #: Endings of the files.
 ENDINGS = {
@@ -145,6 +56,7 @@ class Export:
             shape (n,) [rad or m]; None for a path, which has times of its own.
         tolerance: Tracking error of every joint that the proved clearance covers [rad or m].
         point_count: Number of points in the file.
+        blends: How far each point of the file may be cut, as the flange's distance [m].
     """
 
     text: str
@@ -157,6 +69,41 @@ class Export:
     joint_deviation: Array | None
     tolerance: float | None
     point_count: int
+    blends: Array
+
+
+class Place(NamedTuple):
+    """The surroundings that a motion is proved in.
+
+    Args:
+        robot: The arm with its geometry; what it holds is part of it.
+        scene: The obstacles.
+        margin: Distance to keep from obstacles beyond their own margins [m].
+    """
+
+    robot: RobotGeometry
+    scene: Scene
+    margin: float = 0.0
+
+
+class ProvedRun(NamedTuple):
+    """A motion as a file has it, with the proof of what a controller makes of it.
+
+    Args:
+        points: Points of the file.
+        motion: Motion between them by their rule.
+        certificates: Certificate of each part of it.
+        tolerance: Tracking error that the clearance of all parts covers [rad or m]; None for none.
+        corners: How far the file lets each point be cut, in its own measure, shape (p,).
+        radii: The same as the flange's distance [m], shape (p,).
+    """
+
+    points: ExportPoints
+    motion: Trajectory
+    certificates: tuple[Certificate, ...]
+    tolerance: float | None
+    corners: Array
+    radii: Array
 
 
 @typed
@@ -194,29 +141,61 @@ def export(
     formats.check_axes(robot.chain, options.format)
     if premises is not None and not different_scene:
         _check_premises(premises, Premises.of_cell(robot, scene, margin))
-    points, motion = _within_limits(trajectory, robot.chain.limits, options)
-    # Cubics pass points at which the acceleration jumps: what jerk they make is reported.
-    limits = MotionLimits(holds_jerk=points.rule == Rule.QUINTIC)
-    limits = _no_rates(robot.chain.n) if options.is_path else limits
-    certificate = certify(motion, robot, scene, margin=margin, limits=limits, deadline=deadline)
-    tolerance = None
-    if certificate.proved.collisions:
-        tolerance = joint_tolerance(robot, certificate.min_clearance)
-    unproved = unproved_parts(options, certificate)
-    proved = certificate.proved.collisions and options.blend == 0.0
-    head = comments(options, points.rule, certificate, proved, unproved, tolerance)
+    place = Place(robot, scene, margin)
+    run = prove_run(((trajectory, place),), options, deadline)
+    certificate = run.certificates[0]
+    unproved = unproved_parts(options, (certificate,))
+    proved = certificate.proved.collisions
+    head = comments(options, run, proved, unproved)
     return Export(
-        text=_text(robot, points, options, head, tolerance),
+        text=file_text(robot, run, options, head),
         file_name=f"{options.name}.{ENDINGS[options.format]}",
-        rule=points.rule,
-        motion=motion,
+        rule=run.points.rule,
+        motion=run.motion,
         certificate=certificate,
         proved=proved,
         unproved=unproved,
-        joint_deviation=None if options.is_path else joint_deviation(trajectory, motion),
-        tolerance=tolerance,
-        point_count=len(points.ticks),
+        joint_deviation=None if options.is_path else joint_deviation(trajectory, run.motion),
+        tolerance=run.tolerance,
+        point_count=len(run.points.ticks),
+        blends=run.radii,
     )
+
+
+def prove_run(
+    parts: Sequence[tuple[Trajectory, Place]], options: ExportOptions, deadline: Deadline | None
+) -> ProvedRun:
+    """The points of a motion in a file, and the proof of what a controller makes of them.
+
+    Args:
+        parts: Motions that follow each other without a stop, each with its surroundings.
+        options: Format, points and program.
+        deadline: Time at which to give up the proof.
+    """
+    whole = parts[0][0] if len(parts) == 1 else concatenate([motion for motion, _ in parts])
+    chain = parts[0][1].robot.chain
+    points, motion = _within_limits(whole, chain.limits, options)
+    # Cubics pass points at which the acceleration jumps: what jerk they make is reported.
+    limits = MotionLimits(holds_jerk=points.rule == Rule.QUINTIC)
+    limits = _no_rates(chain.n) if options.is_path else limits
+    rest, certificates, tolerances = motion, list[Certificate](), list[float | None]()
+    for k, (own, place) in enumerate(parts):
+        piece = rest
+        if k + 1 < len(parts):
+            piece, rest = rest.split(own.duration * motion.duration / whole.duration)
+        certificate = certify(piece, place.robot, place.scene, margin=place.margin, limits=limits,
+                              deadline=deadline)  # fmt: skip
+        certificates.append(certificate)
+        clearance = certificate.min_clearance
+        proved = certificate.proved.collisions
+        tolerances.append(joint_tolerance(place.robot, clearance) if proved else None)
+    corners = radii = np.zeros(len(points.ticks))
+    if options.blend and all(one.proved.collisions for one in certificates):
+        shares, radii = fitted_corners(points.positions, *parts[0][1], options.blend)
+        corners = shares if options.format == ExportFormat.KRL else radii
+    known = [one for one in tolerances if one is not None]
+    tolerance = min(known) if len(known) == len(parts) else None
+    return ProvedRun(points, motion, tuple(certificates), tolerance, corners, radii)
 
 
 def _check_premises(given: Premises, own: Premises) -> None:
@@ -273,34 +252,40 @@ def _no_rates(n: int) -> MotionLimits:
     return MotionLimits(dict.fromkeys(("velocity", "acceleration", "jerk"), none))
 
 
-def _text(
-    robot: RobotGeometry,
-    points: ExportPoints,
-    options: ExportOptions,
-    head: Sequence[str],
-    tolerance: float | None,
+def file_text(
+    robot: RobotGeometry, run: "ProvedRun", options: ExportOptions, head: Sequence[str]
 ) -> str:
-    names, frame = robot.chain.joint_names, options.frame_id
+    """The file of one motion.
+
+    Args:
+        robot: The arm.
+        run: The motion as it is proved.
+        options: Format, points and program.
+        head: Comments.
+    """
+    names, frame, points = robot.chain.joint_names, options.frame_id, run.points
     match options.format:
         case ExportFormat.JOINT_TRAJECTORY_JSON:
             return formats.message_json(names, points, frame)
         case ExportFormat.JOINT_TRAJECTORY_YAML:
             lines = formats.message_yaml(names, points, frame)
         case ExportFormat.ROS2_CONTROL:
-            lines = formats.goal_yaml(names, points, frame, tolerance)
+            lines = formats.goal_yaml(names, points, frame, run.tolerance)
         case ExportFormat.CSV:
             lines = formats.table(names, points)
-        case ExportFormat.URSCRIPT_SERVOJ:
-            lines = formats.servoj(points, options.name, tolerance)
-        case ExportFormat.URSCRIPT_MOVEJ:
-            lines = formats.movej(robot.chain, points, options, tolerance)
-        case ExportFormat.RAPID:
-            lines = formats.rapid(points, options, head, tolerance)
-            head = ()
-        case ExportFormat.KRL:
-            lines = formats.krl(points, options, head, tolerance)
-            head = ()
+        case _:
+            language = language_of(robot.chain, options)
+            motion = language.motion(points, run.corners, rests=True)
+            body = [*language.begin(points.positions[0], run.tolerance), *motion]
+            return "\n".join([*language.program(head, body), ""])
     return "\n".join([*head, *lines, ""])
+
+
+def language_of(chain: Chain, options: ExportOptions) -> Language:
+    """The language that programs of a format are in."""
+    if options.format == ExportFormat.RAPID:
+        return Rapid(options)
+    return Krl(options) if options.format == ExportFormat.KRL else URScript(chain, options)
 
 
 def joint_tolerance(robot: RobotGeometry, clearance: float) -> float | None:
@@ -323,27 +308,6 @@ def joint_tolerance(robot: RobotGeometry, clearance: float) -> float | None:
     if not math.isfinite(clearance) or clearance <= 0.0 or not math.isfinite(total):
         return None
     return clearance / total if total > 0.0 else None
-
-
-def lever_arms(robot: RobotGeometry) -> Array:
-    """R_k of each joint, shape (n,): [m], 1 for a slide; infinite before a slide without stops.
-
-    A joint that others follow has theirs added, times their multipliers.
-    """
-    chain = robot.chain
-    tree = BodyTree.of(chain)
-    largest = tree.positions(np.maximum(np.abs(chain.limits.lower), np.abs(chain.limits.upper)))
-    beyond = np.zeros(len(tree.parents))
-    for piece, body in zip(robot.pieces, robot.joints.tolist(), strict=True):
-        if body >= 0:
-            center, radius = piece.bounding_sphere()
-            beyond[body] = max(beyond[body], float(np.linalg.norm(center)) + radius)
-    for body in range(len(beyond) - 1, -1, -1):
-        parent = tree.parents[body]
-        if parent >= 0:
-            stroke = float(largest[body]) if tree.slides[body] else 0.0
-            beyond[parent] = max(beyond[parent], beyond[body] + float(tree.lengths[body]) + stroke)
-    return tree.of_leaders(np.where(tree.slides, 1.0, beyond))
 
 
 def controller_motion(joint_names: Sequence[str], points: ExportPoints) -> Trajectory:

@@ -1,8 +1,10 @@
 """Options of an export: format, points, and what a program says."""
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Literal
 
 from kinematics.errors import InvalidOption
 
@@ -45,6 +47,22 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,23}")
 
 
 @dataclass(frozen=True, slots=True)
+class Event:
+    """A word of a program with the machines around.
+
+    Args:
+        kind: "signal" switches a digital output, "set" gives an analog output a number, "wait_for"
+            waits for a digital input.
+        port: Number or name of the output or input.
+        value: On or off, or the number.
+    """
+
+    kind: Literal["signal", "set", "wait_for"]
+    port: int | str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
 class ExportOptions:
     """Options of an export.
 
@@ -56,11 +74,13 @@ class ExportOptions:
         interpolation: "quintic", "cubic" or "linear", for messages and tables. None takes
             "quintic" where the acceleration is continuous, "cubic" elsewhere.
         path_tolerance: Distance of the motion from the legs of a path at most [rad or m].
-        blend: How far from a point of a path the controller may cut the corner: [m] for URScript,
-            [mm] for RAPID, [%] for KRL. 0 stops at each point.
+        blend: How far the flange may be from a point of a path where the controller begins to cut
+            its corner, at most [m]; what is proved may be less. 0 stops at each point.
         speed: Share of the joints' velocity limits, for paths.
         name: Name of the program.
         frame_id: Frame id of the header of a message.
+        ports: Numbers or names in the controller of outputs and inputs, by what stages call them.
+        gripper: Digital output that closes the gripper; None where the cell has ``gripper_to``.
 
     Raises:
         InvalidOption: A value is out of its range, or does not belong to the format.
@@ -74,6 +94,8 @@ class ExportOptions:
     speed: float = 0.1
     name: str = "armwright"
     frame_id: str = ""
+    ports: Mapping[str, int | str] = field(default_factory=dict)
+    gripper: int | str | None = None
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):

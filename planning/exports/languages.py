@@ -1,0 +1,361 @@
+"""Languages of industrial controllers: the lines of URScript, RAPID and KRL programs.
+
+What a cell does beside the arm is called by name: ``gripper_to`` with where the fingers go and the
+time they take, and ``take_...`` for each tool. The cell has these procedures.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
+from kinematics.model.chain import Chain
+from obstacles.robots.tool import PART
+from planning.exports.formats import EXTRA_AXES, ROBOT_AXES
+from planning.exports.options import Event, ExportFormat, ExportOptions
+from planning.exports.points import ExportPoints, single_degrees
+
+#: An axis that a RAPID joint target leaves out.
+_NO_AXIS = "9E9"
+#: Smoothing of servoj: seconds ahead that it looks, and its proportional gain, Universal Robots'
+#: defaults.
+SERVOJ = "lookahead_time=0.1, gain=300"
+#: How far off a joint may be where no tolerance is proved: a start that is hit [rad].
+_NO_TOLERANCE = 1e-3
+_NOT_THERE = "The arm is not at the start of the motion."
+
+
+class Language(Protocol):
+    """Lines of a program, part by part."""
+
+    def begin(self, start: Array, tolerance: float | None) -> list[str]:
+        """Lines that stop the program unless the arm is at its start.
+
+        Args:
+            start: First point, shape (n,) [rad].
+            tolerance: How far off each joint may be by the proof [rad]; None where none is proved.
+        """
+
+    def motion(self, points: ExportPoints, corners: Array, *, rests: bool) -> list[str]:
+        """Lines of a motion from where the one before ended.
+
+        Args:
+            points: Points of the motion, its first one the last of the one before.
+            corners: Radius [m] of each point, or share of its legs; 0 for a stop, shape (p,).
+            rests: Whether the arm rests at the end.
+        """
+
+    def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:
+        """Lines that bring fingers to positions [rad or m] within a time [s]."""
+
+    def event(self, event: Event) -> list[str]:
+        """Lines that switch, set or wait for something."""
+
+    def wait(self, seconds: float) -> list[str]:
+        """Lines that let time pass."""
+
+    def call(self, name: str) -> list[str]:
+        """Lines that call a procedure of the cell."""
+
+    def note(self, text: str) -> str:
+        """A comment, of one line of ASCII."""
+
+    def program(self, head: Sequence[str], lines: Sequence[str]) -> list[str]:
+        """The program with its comments and lines."""
+
+
+def procedure(tip: str) -> str:
+    """The procedure by which a cell takes the tool of a tip."""
+    return f"take_{re.sub('[^A-Za-z0-9]', '_', tip.partition(PART)[0])[:19]}"
+
+
+def port_number(event: Event, options: ExportOptions, least: int = 0) -> int:
+    """The number of the output or input of an event.
+
+    Raises:
+        InvalidOption: It has a name that no number is given for, or a number that there is not.
+    """
+    port = options.ports.get(str(event.port), event.port)
+    if not isinstance(port, int) or port < least:
+        raise InvalidOption(
+            f"ports: {event.port!r} has no number in {options.format.value}, from {least} on",
+            hint='Give one: "ports": {"spindle": 2}.',
+        )
+    return port
+
+
+@dataclass(slots=True)
+class URScript:
+    """Programs of Universal Robots: joint motions, or streams of setpoints.
+
+    Args:
+        chain: Chain of six joints.
+        options: Options of the export.
+    """
+
+    chain: Chain
+    options: ExportOptions
+
+    def begin(self, start: Array, tolerance: float | None) -> list[str]:  # noqa: D102
+        lines = _start_check(start, tolerance)
+        if self.options.blend:
+            # Radii are about the flange.
+            lines.append("  set_tcp(p[0, 0, 0, 0, 0, 0])")
+        if self._streams:
+            # Within the tolerance too; the stream then begins without a jump.
+            lines.append("  movej(q_start, a=0.5, v=0.05)")
+        return lines
+
+    def motion(  # noqa: D102
+        self, points: ExportPoints, corners: Array, *, rests: bool
+    ) -> list[str]:
+        rows, times = points.positions, points.times
+        if self._streams:
+            lines = [
+                f"  servoj({_radians(row)}, t={after - before!r}, {SERVOJ})"
+                for row, (before, after) in zip(rows[1:], pairwise(times.tolist()), strict=True)
+            ]
+            return [*lines, "  stopj(2.0)"] if rests else lines
+        speed = _share(self.chain.limits.velocity, self.options.speed, 1.0)
+        # Acceleration of movej where no limit of the robot is known [rad/s^2].
+        acceleration = _share(self.chain.limits.acceleration, 1.0, 1.4)
+        return [
+            f"  movej({_radians(row)}, a={acceleration!r}, v={speed!r}, r={radius!r})"
+            for row, radius in zip(rows[1:], corners[1:].tolist(), strict=True)
+        ]
+
+    def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:  # noqa: D102
+        values = ", ".join(repr(x) for x in (*positions.values(), duration))
+        return [f"  gripper_to({values})"]
+
+    def event(self, event: Event) -> list[str]:  # noqa: D102
+        port = port_number(event, self.options)
+        if event.kind == "set":
+            return [f"  set_standard_analog_out({port}, {float(event.value)!r})"]
+        value = bool(event.value)
+        if event.kind == "signal":
+            return [f"  set_standard_digital_out({port}, {value})"]
+        waits = f"  while get_standard_digital_in({port}) != {value}:"
+        return [waits, "    sync()", "  end"]
+
+    def wait(self, seconds: float) -> list[str]:  # noqa: D102
+        return [f"  sleep({seconds!r})"]
+
+    def call(self, name: str) -> list[str]:  # noqa: D102
+        return [f"  {name}()"]
+
+    def note(self, text: str) -> str:  # noqa: D102
+        return f"  # {text}"
+
+    def program(self, head: Sequence[str], lines: Sequence[str]) -> list[str]:  # noqa: D102
+        return [*head, f"def {self.options.name}():", *lines, "end"]
+
+    @property
+    def _streams(self) -> bool:
+        return self.options.format == ExportFormat.URSCRIPT_SERVOJ
+
+
+@dataclass(slots=True)
+class Rapid:
+    """Modules of ABB's controllers, of MoveAbsJ; six joints, and six more as external axes.
+
+    Args:
+        options: Options of the export.
+    """
+
+    options: ExportOptions
+    _zones: dict[str, str] = field(default_factory=dict)
+    _began: bool = False
+
+    def begin(self, start: Array, tolerance: float | None) -> list[str]:  # noqa: D102
+        own, extra = "now.robax.rax_{}", "now.extax.eax_{}"
+        axes = [own.format(k + 1) for k in range(ROBOT_AXES)] + [extra.format(c) for c in "abcdef"]
+        lines = []
+        for off in _off_start(axes, single_degrees(start), tolerance):
+            lines += [
+                f"    IF {off} THEN",
+                f'      ErrWrite "{self.options.name}", "{_NOT_THERE}";',
+            ]
+            lines += ["      EXIT;", "    ENDIF"]
+        return [*lines, f"    VelSet {100.0 * min(self.options.speed, 1.0)!r}, 5000;"]
+
+    def motion(  # noqa: D102
+        self,
+        points: ExportPoints,
+        corners: Array,
+        *,
+        rests: bool,  # noqa: ARG002
+    ) -> list[str]:
+        rows, first = single_degrees(points.positions), 1 if self._began else 0
+        self._began = True
+        # RAPID's TCP speed; the speed of joint motions follows from it and from VelSet [mm/s].
+        return [
+            f"    MoveAbsJ {_joint_target(row)}\\NoEOffs, v1000, {self._zone(radius)}, tool0;"
+            for row, radius in zip(rows[first:], corners[first:].tolist(), strict=True)
+        ]
+
+    def _zone(self, radius: float) -> str:
+        if radius == 0.0:
+            return "fine"
+        millimetres = f"{1e3 * radius:.2f}"
+        name = f"z{millimetres.replace('.', '_')}"
+        size = ", ".join([millimetres, millimetres, millimetres, "1", millimetres, "1"])
+        self._zones[name] = f"  CONST zonedata {name} := [FALSE, {size}];"
+        return name
+
+    def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:  # noqa: D102
+        values = ", ".join(repr(x) for x in (*positions.values(), duration))
+        return [f"    gripper_to {values};"]
+
+    def event(self, event: Event) -> list[str]:  # noqa: D102
+        kind = {"signal": ("SetDO", "do"), "set": ("SetAO", "ao"), "wait_for": ("WaitDI", "di")}
+        word, prefix = kind[event.kind]
+        port = self.options.ports.get(str(event.port), event.port)
+        name = f"{prefix}{port}" if isinstance(port, int) else re.sub(r"\W", "_", str(port))[:32]
+        value = float(event.value) if event.kind == "set" else int(bool(event.value))
+        return [f"    {word} {name}, {value!r};"]
+
+    def wait(self, seconds: float) -> list[str]:  # noqa: D102
+        return [f"    WaitTime {seconds!r};"]
+
+    def call(self, name: str) -> list[str]:  # noqa: D102
+        return [f"    {name};"]
+
+    def note(self, text: str) -> str:  # noqa: D102
+        return f"    ! {text}"
+
+    def program(self, head: Sequence[str], lines: Sequence[str]) -> list[str]:  # noqa: D102
+        name = self.options.name
+        return [
+            f"MODULE {name}_module", *head, *self._zones.values(), f"  PROC {name}()",
+            "    VAR jointtarget now;", "    now := CJointT();", *lines, "  ENDPROC", "ENDMODULE",
+        ]  # fmt: skip
+
+
+@dataclass(slots=True)
+class Krl:
+    """Programs of KUKA's controllers, of PTP motions; six joints, and six more as external axes.
+
+    Args:
+        options: Options of the export.
+    """
+
+    options: ExportOptions
+    _began: bool = False
+
+    def begin(self, start: Array, tolerance: float | None) -> list[str]:  # noqa: D102
+        axes = self._axes(len(start))
+        lines = [f"; Halts as long as it holds: {_NOT_THERE}"]
+        off_start = _off_start([f"$AXIS_ACT.{axis}" for axis in axes], single_degrees(start),
+                               tolerance)  # fmt: skip
+        for off in off_start:
+            lines += [f"WHILE {off}", "HALT", "ENDWHILE"]
+        return lines
+
+    def motion(  # noqa: D102
+        self,
+        points: ExportPoints,
+        corners: Array,
+        *,
+        rests: bool,  # noqa: ARG002
+    ) -> list[str]:
+        rows, first = single_degrees(points.positions), 1 if self._began else 0
+        self._began = True
+        axes, lines = self._axes(rows.shape[1]), list[str]()
+        for row, share in zip(rows[first:], corners[first:].tolist(), strict=True):
+            # Of half of a leg, in whole percents.
+            percent = int(200.0 * share)
+            values = ", ".join(f"{a} {_single(x)}" for a, x in zip(axes, row, strict=True))
+            lines += [f"$APO.CPTP = {percent}"] if percent else []
+            lines.append(f"PTP {{{values}}}{' C_PTP' if percent else ''}")
+        return lines
+
+    def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:  # noqa: D102
+        values = ", ".join(repr(x) for x in (*positions.values(), duration))
+        return [f"gripper_to({values})"]
+
+    def event(self, event: Event) -> list[str]:  # noqa: D102
+        port = port_number(event, self.options, 1)
+        if event.kind == "set":
+            return [f"$ANOUT[{port}] = {float(event.value)!r}"]
+        if event.kind == "signal":
+            return [f"$OUT[{port}] = {'TRUE' if event.value else 'FALSE'}"]
+        return [f"WAIT FOR {'' if event.value else 'NOT '}$IN[{port}]"]
+
+    def wait(self, seconds: float) -> list[str]:  # noqa: D102
+        return [f"WAIT SEC {seconds!r}"]
+
+    def call(self, name: str) -> list[str]:  # noqa: D102
+        return [f"{name}()"]
+
+    def note(self, text: str) -> str:  # noqa: D102
+        return f"; {text}"
+
+    def program(self, head: Sequence[str], lines: Sequence[str]) -> list[str]:  # noqa: D102
+        percent = max(1, min(100, int(100.0 * self.options.speed)))
+        first = [f"DEF {self.options.name}()", *head, "BAS(#INITMOV, 0)"]
+        return [*first, f"BAS(#VEL_PTP, {percent})", *lines, "END"]
+
+    @staticmethod
+    def _axes(count: int) -> list[str]:
+        return [f"A{k + 1}" if k < ROBOT_AXES else f"E{k + 1 - ROBOT_AXES}" for k in range(count)]
+
+
+def _start_check(start: Array, tolerance: float | None) -> list[str]:
+    """A popup and halt unless each joint is as near to the first point as is proved."""
+    return [
+        f"  q_start = {_radians(start)}",
+        "  q_now = get_actual_joint_positions()",
+        "  i = 0",
+        f"  while i < {len(start)}:",
+        f"    if norm(q_now[i] - q_start[i]) > {tolerance or _NO_TOLERANCE!r}:",
+        f'      popup("{_NOT_THERE}", error=True, blocking=True)',
+        "      halt",
+        "    end",
+        "    i = i + 1",
+        "  end",
+    ]
+
+
+def _off_start(
+    axes: Sequence[str], start: np.ndarray[tuple[int, ...], np.dtype[np.float32]],
+    tolerance: float | None,
+) -> list[str]:  # fmt: skip
+    """Conditions of RAPID and KRL that hold where an axis is off its start [degrees]."""
+    # Digits of single precision may make a number larger by less, as a share.
+    degrees = np.rad2deg((tolerance or _NO_TOLERANCE) * (1.0 - 1e-6))
+    most = _single(np.float32(degrees))
+    return [
+        f"ABS({axis} - ({_single(value)})) > {most}"
+        for axis, value in zip(axes, start, strict=False)
+    ]
+
+
+def _joint_target(
+    row: Sequence[np.float32] | np.ndarray[tuple[int, ...], np.dtype[np.float32]],
+) -> str:
+    values = [_single(value) for value in row]
+    own = [*values[:ROBOT_AXES], *["0"] * (ROBOT_AXES - len(values))]
+    extra = values[ROBOT_AXES:]
+    extra += [_NO_AXIS] * (EXTRA_AXES - len(extra))
+    return f"[[{', '.join(own)}], [{', '.join(extra)}]]"
+
+
+def _share(limit: Array, share: float, otherwise: float) -> float:
+    """A share of the least known limit; ``otherwise`` where none is known."""
+    known = limit[np.isfinite(limit)]
+    return float(known.min()) * share if len(known) else otherwise * share
+
+
+def _radians(row: Array) -> str:
+    return f"[{', '.join(repr(value) for value in row.tolist())}]"
+
+
+def _single(value: np.float32) -> str:
+    """A number of single precision with the digits that tell it from all others."""
+    return np.format_float_positional(value, unique=True, trim="0")
