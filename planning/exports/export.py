@@ -140,7 +140,7 @@ def export(
     """
     formats.check_axes(robot.chain, options.format)
     if premises is not None and not different_scene:
-        _check_premises(premises, Premises.of_cell(robot, scene, margin))
+        check_premises(premises, Premises.of_cell(robot, scene, margin))
     place = Place(robot, scene, margin)
     run = prove_run(((trajectory, place),), options, deadline)
     certificate = run.certificates[0]
@@ -198,7 +198,16 @@ def prove_run(
     return ProvedRun(points, motion, tuple(certificates), tolerance, corners, radii)
 
 
-def _check_premises(given: Premises, own: Premises) -> None:
+def check_premises(given: Premises, own: Premises) -> None:
+    """Check that a motion was proved for what it is exported for.
+
+    Args:
+        given: Premises of the proof that the motion has.
+        own: Premises of the proof of the export.
+
+    Raises:
+        InvalidOption: They differ.
+    """
     differences = own.differences(given)
     if differences:
         raise InvalidOption(
