@@ -1,6 +1,10 @@
 """Routes whose body is the work of one task."""
 
+from typing import Any
+
 from fastapi import Request, Response
+from pydantic_core import to_json
+from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.motions.export import ExportAnswer, ExportRequest
 from armwright_wire.motions.paths import FitAnswer, FitRequest, SimplifyAnswer, SimplifyRequest
@@ -18,10 +22,14 @@ from armwright_wire.robots.potential import PotentialAnswer, PotentialRequest
 from armwright_wire.robots.reach import ReachAnswer, ReachRequest
 from armwright_wire.scenes.check import CheckAnswer, CheckRequest
 from service import task_references as tasks
+from service.access.caller import caller_of
 from service.endpoints.configurations import json_answer
+from service.endpoints.plans.replay import pinned_references
 from service.http import answers
 from service.http.compute import compute
 from service.http.json_route import json_router
+from service.http.state import REPLAY, Replay, store_of
+from service.validation import parse_json, validate_as
 
 checking = json_router("checking")
 kinematics = json_router("kinematics")
@@ -145,12 +153,38 @@ async def convert(body: ConvertRequest, request: Request) -> Response:
     "/export", summary="Write a motion for a robot controller", response_model=ExportAnswer
 )
 async def export(body: ExportRequest, request: Request) -> Response:
-    """A motion as a ROS 2 message, a table or a program, with a proof of its own.
+    """A motion, or a whole kept task or tour, as a ROS 2 message, a table or a program.
 
     Proved is the motion that the controller makes of the points in the file, by the interpolation
-    that its manual names. The file says what is proved and what is not.
+    that its manual names, with what is held in each part. The file says what is proved and what is
+    not.
     """
-    return await answers.respond(request, tasks.export.job, body.robot, body)
+    if body.plan is None:
+        return await answers.respond(request, tasks.export.job, body.robot or "", body)
+    sent = parse_json(await request.body())
+    if isinstance(body.plan, str):
+        sent["plan"] = await _kept_motion(request, body.plan)
+        validate_as(ExportRequest, sent)
+    content, asked = to_json(sent), sent["plan"]["request"]
+    scene = asked.get("scene")
+    result = await answers.answer(
+        request,
+        lambda robot, stored: tasks.export.job(robot, stored, content),
+        str(asked.get("robot", "")),
+        scene if isinstance(scene, str) else None,
+        timeout=body.timeout,
+        asked=asked,
+    )
+    return json_answer(result)
+
+
+async def _kept_motion(request: Request, plan_id: str) -> dict[str, Any]:
+    """The request and answer of a kept plan, its robot and scene pinned as they were."""
+    tenant = caller_of(request.scope).tenant
+    record, kept = await run_in_threadpool(store_of(request).plans.get, plan_id, tenant)
+    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
+    told = {"request": parse_json(kept.request), "answer": parse_json(kept.answer)}
+    return {"operation": f"{record.method} {record.path}", **told}
 
 
 @tracking.post("/simulate", summary="Follow a motion", response_model=SimulateAnswer)

@@ -1,10 +1,24 @@
 """Exports of motions for robot controllers, on the wire."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
 
-from armwright_wire.base import Answer, Frame, Name, NonNegative, Number, Ratio, Timeout, examples
+from armwright_wire.base import (
+    Answer,
+    Beside,
+    Body,
+    Frame,
+    Label,
+    Name,
+    NonNegative,
+    Number,
+    Ratio,
+    Timeout,
+    check_company,
+    exactly_one,
+    examples,
+)
 from armwright_wire.motions.certificate import CertificateAnswer, Premises
 from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
@@ -24,15 +38,54 @@ Format = Literal[
 ]
 
 
+class KeptMotion(Body):
+    """A plan, task, tour or proof that was answered, as `GET /v1/plans/{id}` tells it."""
+
+    operation: Literal["POST /v1/plan", "POST /v1/tasks", "POST /v1/tours", "POST /v1/validate"]
+    request: dict[str, Any] = Field(description="as it was sent")
+    answer: dict[str, Any] = Field(description="all of it")
+
+
+def _by_form(value: object) -> str:
+    return "id" if isinstance(value, str) else "inline"
+
+
+PlanSource = Annotated[
+    Annotated[Annotated[str, Field(max_length=64)], Tag("id")]
+    | Annotated[KeptMotion, Tag("inline")],
+    Discriminator(_by_form),
+    Field(
+        description="in place of a trajectory: id of a kept plan, task, tour or proof, or one as "
+        "it was answered; robot, tools, scene and what is held are those of its request",
+        examples=["0198f2a1b3c44d5e8f90a1b2c3d4e5f6"],
+    ),
+]
+
+
 class ExportRequest(WithTool, WithFingers):
     """A motion to be written for a controller, and proved as the controller interpolates it."""
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("ExportRequest")})
 
-    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
+    one_of: ClassVar[tuple[str, ...]] = ("trajectory", "plan")
+    only_beside: ClassVar[Beside] = {
+        "robot": ("trajectory",),
+        "scene": ("trajectory",),
+        "tool": ("trajectory",),
+        "tcp": ("trajectory",),
+        "attached": ("trajectory",),
+        "premises": ("trajectory",),
+        "ports": ("plan",),
+        "gripper": ("plan",),
+    }
+
+    robot: Name | None = Field(
+        None, examples=["panda"], description="name of a stored or built-in robot"
+    )
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
-    trajectory: TrajectoryBody
+    trajectory: TrajectoryBody | None = None
+    plan: PlanSource | None = None
     format: Format = Field(description="the file to write", examples=["ros2_control"])
     sample_period: Annotated[Number, Field(ge=1e-4, le=60.0)] = Field(
         0.01,
@@ -50,10 +103,21 @@ class ExportRequest(WithTool, WithFingers):
         description="largest distance of the points of the motion from the legs of "
         "urscript_movej, rapid and krl, Euclidean in joint space [rad]",
     )
-    blend: Annotated[NonNegative, Field(le=1000.0)] = Field(
+    blend: Annotated[NonNegative, Field(le=1.0)] = Field(
         0.0,
-        description="how far from a point the controller may cut the corner: urscript_movej [m], "
-        "rapid [mm], krl [%]; what it then does there is not proved. 0 stops at each point",
+        description="of urscript_movej, rapid and krl: how far the flange may be from a point "
+        "where the controller begins to cut the corner, at most; each is as large as is proved and "
+        "as fits its legs. 0 stops at each point [m]",
+    )
+    ports: Annotated[dict[Label, int | Label], Field(max_length=1000)] | None = Field(
+        None,
+        description="numbers or names in the controller of outputs and inputs, by those of stages",
+        examples=[{"spindle": 2}],
+    )
+    gripper: Annotated[int, Field(ge=0)] | Label | None = Field(
+        None,
+        description="digital output that closes the gripper; left out, the program calls "
+        "gripper_to(positions, seconds), which the cell has",
     )
     speed: Ratio = Field(
         0.1, description="of urscript_movej, rapid and krl: share of the axes' largest speeds"
@@ -76,6 +140,24 @@ class ExportRequest(WithTool, WithFingers):
         False, description="export all the same, proved for the robot and scene of this request"
     )
     timeout: Timeout | None = None
+
+    @model_validator(mode="after")
+    def _check_source(self) -> "ExportRequest":
+        exactly_one(self, self.one_of)
+        check_company(self)
+        if self.trajectory is not None and self.robot is None:
+            raise ValueError("a trajectory needs robot")
+        return self
+
+
+class ExportPart(Answer):
+    """A part of a program, with its proof."""
+
+    label: str = Field(description="number and kind of a stage, or the ends of a leg")
+    kind: str = Field(description="of the stage; leg, wait or plan of other motions")
+    certificate: CertificateAnswer = Field(
+        description="of the controller's motion, with what is held in it"
+    )
 
 
 class ExportAnswer(Answer):
@@ -101,6 +183,14 @@ class ExportAnswer(Answer):
         description="nothing collides while every joint is off by less than this [rad or m]; null "
         "where that is not proved, or nothing can collide"
     )
-    certificate: CertificateAnswer = Field(
-        description="of the controller's motion; of a path its positions and collisions alone"
+    blends: list[float] = Field(
+        description="how far the flange is at most from each point where the controller begins to "
+        "cut its corner; 0 where it stops or follows the rule [m]"
+    )
+    certificate: CertificateAnswer | None = Field(
+        description="of the controller's motion; of a path its positions and collisions alone; "
+        "null of a program, whose parts have their own"
+    )
+    parts: list[ExportPart] | None = Field(
+        None, description="of a program, in order; null of a trajectory"
     )

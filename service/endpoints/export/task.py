@@ -1,15 +1,21 @@
 """Exports of motions as requests ask for them, in workers."""
 
 from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from pydantic_core import to_json
 
-from armwright_wire.motions.export import ExportRequest
+from armwright_wire.motions.export import ExportRequest, KeptMotion
+from planning.exports.export import Export
 from planning.exports.export import export as write_motion
 from planning.exports.options import ExportFormat, ExportOptions
 from planning.exports.recording import record
+from planning.exports.program import Program, export_program
+from planning.proof.certificate import Certificate
 from planning.proof.premises import Premises
 from service.endpoints.attached_objects import robot_in_scene
+from service.endpoints.export.program import program_parts
 from service.fields import shared
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
@@ -34,6 +40,12 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
     # A recording shows points of a motion as a message of ROS has them.
     form = ExportFormat.JOINT_TRAJECTORY_JSON if is_recording else ExportFormat(body.format)
     given = shared(body, ExportOptions, without=("format",))
+    if isinstance(body.plan, KeptMotion):
+        return _program(robot, scene, body, body.plan)
+    assert body.trajectory is not None
+    chain = worker_cache.chain(robot)
+    motion, begins = trajectories.trajectory(body.trajectory, chain)
+    cell = robot_in_scene(robot, scene, body, motion.start)
     written = write_motion(
         motion,
         cell.robot,
@@ -44,8 +56,45 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
         different_scene=body.different_scene,
         deadline=current.deadline(),
     )
-    violation = written.certificate.violation
-    if violation is not None and violation.kind == "time":
+    deviation = written.joint_deviation
+    certificate = certificates.certificate_answer(written.certificate, begins, body.scene)
+    more = {
+        "joint_deviation": None if deviation is None else deviation.tolist(),
+        "certificate": certificate,
+    }
+    return _answer(body, written, (written.certificate,), more)
+
+
+def _program(
+    robot: Reference, scene: Reference | None, body: ExportRequest, kept: KeptMotion
+) -> bytes | TaskProblem:
+    """The answer of a program."""
+    parts = program_parts(robot, scene, kept)
+    written = export_program(
+        parts,
+        _options(body),
+        different_scene=body.different_scene,
+        deadline=current.deadline(),
+    )
+    named = kept.request.get("scene")
+    own = named if isinstance(named, str) else None
+    told = [
+        {
+            "label": part.label,
+            "kind": part.kind,
+            "certificate": certificates.certificate_answer(part.certificate, 0.0, own),
+        }
+        for part in written.parts
+    ]
+    more = {"joint_deviation": None, "certificate": None, "parts": told}
+    return _answer(body, written, [part.certificate for part in written.parts], more)
+
+
+def _answer(
+    body: ExportRequest, written: Export | Program, proofs: Sequence[Certificate],
+    more: Mapping[str, Any],
+) -> bytes | TaskProblem:  # fmt: skip
+    if any(one.violation is not None and one.violation.kind == "time" for one in proofs):
         return TaskProblem(
             "TIMED_OUT",
             "the deadline passed before the export was proved",
@@ -70,7 +119,14 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
         "proved": written.proved,
         "unproved": list(unproved),
         "joint_deviation": None if deviation is None else deviation.tolist(),
+        "unproved": list(written.unproved),
         "joint_tolerance": written.tolerance,
-        "certificate": certificate,
+        "blends": written.blends.tolist(),
+        **more,
     }
     return to_json(answer, inf_nan_mode="null")
+
+
+def _options(body: ExportRequest) -> ExportOptions:
+    given = shared(body, ExportOptions, without=("format", "ports"))
+    return ExportOptions(ExportFormat(body.format), **given, ports=dict(body.ports or {}))

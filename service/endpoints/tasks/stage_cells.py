@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.pose import Pose
-from armwright_wire.scenes.check import Attached
+from armwright_wire.scenes.check import TOUCH_DEPTH, Attached
+from armwright_wire.scenes.scene import AllowedItem, LimitedPair
 from kinematics.arrays import Array
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -61,7 +62,7 @@ def stage_cells(
             for item in after["attached"]
         ]
         scene = _with_places(around, places)
-        allowed = [item["pair"] for item in stage["certificate"]["allowed_collisions"]]
+        allowed = [_told_pair(item) for item in stage["certificate"]["allowed_collisions"]]
         robot = robot_with_tip(reference, stage["certificate"]["premises"]["tool"])
         own = robot.fingers.positions
         fingers = {name: fingers.get(name, at) for name, at in own.items()}
@@ -71,6 +72,13 @@ def stage_cells(
             last = attach(with_fingers(robot, fingers), scene, held, allowed)
         cells.append(StageCell(first, last))
     return cells
+
+
+def _told_pair(item: Mapping[str, Any]) -> AllowedItem:
+    """A pair that may touch, hardly deeper than it does in the answer."""
+    if item["overlap"] is None:
+        return (item["pair"][0], item["pair"][1])
+    return LimitedPair(pair=item["pair"], touch_depth=item["overlap"] + TOUCH_DEPTH)
 
 
 def moved(around: Scene, body: TaskRequest) -> Scene:
