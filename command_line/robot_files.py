@@ -9,6 +9,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
+import yaml
+
 from armwright_client.robots.sources import description_in, is_mjcf, urdf_text
 from armwright_client.robots.urdf import MAX_VISUAL_BYTES, read_urdf
 from armwright_wire.errors import InvalidArgument
@@ -73,7 +75,7 @@ def valid_name(text: str) -> str:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The JSON object of a file.
+    """The JSON object of a file; the same as YAML where the file is called so.
 
     Raises:
         ProblemError: It is no JSON object.
@@ -85,15 +87,16 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_any(path: Path) -> Any:
-    """The JSON value of a file, or of standard input for ``-``.
+    """The JSON or YAML value of a file, or of standard input for ``-``.
 
     Raises:
         ProblemError: It is no JSON.
     """
     is_input = str(path) == STANDARD_INPUT
     try:
-        return json.loads(_standard_input() if is_input else path.read_text("utf-8"))
-    except ValueError as error:
+        text = _standard_input() if is_input else path.read_text("utf-8")
+        return yaml.safe_load(text) if path.suffix in (".yaml", ".yml") else json.loads(text)
+    except (ValueError, yaml.YAMLError) as error:
         raise invalid_value(str(path), f"it is not JSON: {error}") from None
 
 

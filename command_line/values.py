@@ -171,6 +171,16 @@ def motion(path: Path) -> dict[str, Any]:
     return dict(found)
 
 
+def kept(path: Path) -> dict[str, Any] | None:
+    """The task or tour of a file with its request and answer; None where the file holds none."""
+    document = read_json(path)
+    if document.get("operation") not in ("POST /v1/tasks", "POST /v1/tours"):
+        return None
+    parts = {name: document.get(name) for name in ("request", "answer")}
+    told = {n: json.loads(x) if isinstance(x, str) else x for n, x in parts.items()}
+    return {"operation": document["operation"], **told}
+
+
 def premises(path: Path) -> dict[str, Any] | None:
     """The premises that the motion of a file was proved for; None where the file does not tell."""
     certificate = _answer(read_json(path)).get("certificate")

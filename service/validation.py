@@ -246,7 +246,8 @@ def field_path(location: Sequence[str | int], body: Any, *, missing: bool = Fals
         return ".".join(str(step) for step in location)[:_MAX_PATH]
     path, value, tagged = "", body, False
     for position, step in enumerate(steps):
-        tagged = not tagged and isinstance(value, dict) and value.get("type") == step
+        tags = (value.get("type"), value.get("kind")) if isinstance(value, dict) else ()
+        tagged = not tagged and step in tags
         is_field = not tagged and _contains(value, step)
         if is_field:
             value = value[step]

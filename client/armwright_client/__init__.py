@@ -112,6 +112,7 @@ from armwright_client.options.plan_options import ExportOptions as ExportOptions
 from armwright_client.options.plan_options import GuardOptions as GuardOptions
 from armwright_client.options.plan_options import LyapunovOptions as LyapunovOptions
 from armwright_client.options.plan_options import PlanOptions as PlanOptions
+from armwright_client.options.plan_options import ProgramOptions as ProgramOptions
 from armwright_client.options.plan_options import SimulateOptions as SimulateOptions
 from armwright_client.options.plan_options import TaskOptions as TaskOptions
 from armwright_client.options.plan_options import TourOptions as TourOptions
@@ -183,6 +184,7 @@ from armwright_wire.motions.excitation import ExcitationAnswer
 from armwright_wire.motions.excitation import ExcitationRequest as ExcitationRequest
 from armwright_wire.motions.export import ExportAnswer
 from armwright_wire.motions.export import ExportRequest as ExportRequest
+from armwright_wire.motions.export import KeptMotion as KeptMotion
 from armwright_wire.motions.paths import FitAnswer, SimplifyAnswer
 from armwright_wire.motions.paths import FitRequest as FitRequest
 from armwright_wire.motions.paths import SimplifyRequest as SimplifyRequest

@@ -24,6 +24,7 @@ from armwright_client.options.plan_options import (
     GuardOptions,
     LyapunovOptions,
     PlanOptions,
+    ProgramOptions,
     SimulateOptions,
     TaskOptions,
     TourOptions,
@@ -35,7 +36,7 @@ from armwright_wire.base import RowsLike, VectorLike
 from armwright_wire.goals.goal import GoalLike, Start, as_goal
 from armwright_wire.motions.certificate import CertificateAnswer as Certificate
 from armwright_wire.motions.export import ExportAnswer as Export
-from armwright_wire.motions.export import ExportRequest
+from armwright_wire.motions.export import ExportRequest, KeptMotion
 from armwright_wire.motions.export import Format as ExportFormat
 from armwright_wire.motions.paths import FitAnswer as Fitted
 from armwright_wire.motions.paths import FitRequest, SimplifyRequest
@@ -417,6 +418,17 @@ class ServiceEndpoints:
     ) -> Call[Export]:
         """A motion as a file for a controller, proved as the controller interpolates it."""
         body = ExportRequest.of(robot=robot, trajectory=trajectory, format=file_format, **options)
+        return Call("POST", path("export"), Export.read, body, deadline=body.timeout)
+
+    @Endpoint
+    def export_plan(
+        self,
+        plan: str | KeptMotion,
+        file_format: ExportFormat,
+        **options: Unpack[ProgramOptions],
+    ) -> Call[Export]:
+        """A kept plan, task or tour as one program for a controller, proved as one."""
+        body = ExportRequest.of(plan=plan, format=file_format, **options)
         return Call("POST", path("export"), Export.read, body, deadline=body.timeout)
 
     @Endpoint

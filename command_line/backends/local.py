@@ -283,7 +283,9 @@ class LocalBackend:
         arguments: list[Any] = []
         if endpoint.takes_robot:
             found = None if robot is None else self._reference(robot)
-            arguments.append(found and replace(found, mount=mount_of(body, _no_tool)))
+            kept = body.get("plan")
+            asked = kept["request"] if isinstance(kept, dict) else body
+            arguments.append(found and replace(found, mount=mount_of(asked, _no_tool)))
         if endpoint.takes_scene:
             arguments.append(scene)
         arguments.append(json.dumps(body).encode())

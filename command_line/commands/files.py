@@ -119,13 +119,16 @@ def export(
     """Write a motion for a robot controller, with a proof; exit with 1 where it is not proved."""
     if form == _RECORDING and request.output is None and not connection.as_json:
         raise invalid_value("--output", "a recording is no text", "Name a file: -o motion.mcap.")
-    body: dict[str, Any] = values.mounted(mounted) | {
+    kept = values.kept(motion)
+    own = {"plan": kept} if kept is not None else values.mounted(mounted) | {
         "trajectory": values.motion(motion),
-        "format": form,
         "scene": values.scene(around.scene),
         "margin": around.margin,
-        "sample_period": sample_period,
         "premises": values.premises(motion),
+    }  # fmt: skip
+    body: dict[str, Any] = own | {
+        "format": form,
+        "sample_period": sample_period,
         "different_scene": around.different_scene,
     }
     content = ask(connection, EXPORT, robot, request._replace(output=None), body)
@@ -137,7 +140,8 @@ def export(
         save(request.output, b64decode(text) if form == _RECORDING else text.encode())
     errors = Console(stderr=True, highlight=False)
     errors.print(Text("proved" if answer["proved"] else "not proved", style="bold"))
-    errors.print(Text(against(answer["certificate"])), soft_wrap=True)
+    for proof in [answer["certificate"]] if kept is None else []:
+        errors.print(Text(against(proof)), soft_wrap=True)
     for sentence in answer["unproved"]:
         errors.print(Text(f"not covered: {sentence}", style="yellow"), soft_wrap=True)
     if not answer["proved"]:

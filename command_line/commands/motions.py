@@ -43,6 +43,7 @@ def ask(
     request: Request,
     body: Mapping[str, Any],
     file: Path | None = None,
+    whole: Path | None = None,
 ) -> bytes:
     """The answer to a request, printed as JSON or written to a file where that is asked for.
 
@@ -53,6 +54,7 @@ def ask(
         request: Deadline, further fields and the file to write.
         body: Fields of the request; those that are None are left out.
         file: Fields that all others override, a JSON object.
+        whole: File for the request with its answer; None for none.
     """
     further = {} if file is None else read_json(file)
     further |= {} if request.fields is None else read_json(request.fields)
@@ -61,10 +63,14 @@ def ask(
     with connect(connection) as backend:
         name = None if robot is None else backend.robot_name(robot)
         if name is not None and "{robot}" not in endpoint.path:
-            fields["robot"] = name
+            asked = fields["plan"]["request"] if "plan" in fields else fields
+            asked["robot"] = name
         answer = backend.answer(endpoint, name, fields)
     if request.output is not None:
         save(request.output, answer)
+    if whole is not None:
+        kept = {"operation": f"POST {endpoint.path}", "request": fields}
+        save(whole, json.dumps(kept | {"answer": json.loads(answer)}).encode())
     if connection.as_json:
         print_json(answer)
     return answer

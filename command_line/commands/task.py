@@ -13,16 +13,25 @@ from command_line.output import print_line, print_notes, print_premises, print_t
 from command_line.parameters import Cell, Connection, Request, RobotSource, command
 from service.viewer.words import allowed_sentences
 
+Whole = Annotated[
+    Path | None,
+    typer.Option(
+        "--whole", help="Write the request with its answer to this file, for view and export."
+    ),
+]
+
 
 @command
 def tour(
     connection: Connection,
     robot: RobotSource,
     goals: Annotated[
-        Path, typer.Argument(help='JSON file with {"goals": [...]} and further fields of a tour.')
+        Path,
+        typer.Argument(help='JSON or YAML file with {"goals": [...]} and more fields of a tour.'),
     ],
     request: Request,
     cell: Cell,
+    whole: Whole = None,
     start: Annotated[str | None, typer.Option(help="Joints between commas, or a state.")] = None,
     end: Annotated[str | None, typer.Option(help='"any", "start", joints or a state.')] = None,
 ) -> None:
@@ -33,7 +42,7 @@ def tour(
         "start": None if start is None else values.goal("--start", start),
         "end": end if end in {None, "any", "start"} else values.goal("--end", str(end)),
     }
-    answer = ask(connection, TOUR, robot, request, given, goals)
+    answer = ask(connection, TOUR, robot, request, given, goals, whole)
     if not connection.as_json:
         _show_tour(json.loads(answer))
 
@@ -58,10 +67,11 @@ def task(
     connection: Connection,
     robot: RobotSource,
     stages: Annotated[
-        Path, typer.Argument(help='JSON file with {"stages": [...]} and further fields of a task.')
+        Path, typer.Argument(help='JSON or YAML file with {"stages": [...]} and more of a task.')
     ],
     request: Request,
     cell: Cell,
+    whole: Whole = None,
     start: Annotated[str | None, typer.Option(help="Joints between commas, or a state.")] = None,
     improve: Annotated[
         float | None, typer.Option(help="Time to look for a shorter answer [s].")
@@ -74,7 +84,7 @@ def task(
         "start": None if start is None else values.goal("--start", start),
         "improve": improve,
     }
-    answer = ask(connection, TASK, robot, request, given, stages)
+    answer = ask(connection, TASK, robot, request, given, stages, whole)
     if not connection.as_json:
         _show(json.loads(answer))
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain, JointType
 from kinematics.trajectory.export import NANOSECONDS

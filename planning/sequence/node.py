@@ -331,12 +331,12 @@ def onward_steps(
             node.onward.append(step)
             world, q = step.after, step.end
         elif isinstance(stage, Straight):
-            inside = world.after_insert(stage.into, stage.touch_depth)
+            inside = world.after_insert(stage.into)
             cell = cells.cell(inside, allowed, stage.settings.margin)
             led = lead_straight(cell, world, stage, q, deadline)
             if isinstance(led, LineStopped):
                 return k, led
-            after = world.after_motion(free=False).after_insert(stage.into, stage.touch_depth)
+            after = world.after_motion(free=False).after_insert(stage.into)
             world = inside
             bound = least_travel(world, stage, led.start, led.end)
             node.onward.append(

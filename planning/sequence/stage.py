@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -76,6 +76,18 @@ class Move:
         return not self.goals and self.to_end_of is None
 
 
+class Into(NamedTuple):
+    """What something is pushed into.
+
+    Args:
+        names: Names of the objects.
+        touch_depth: How deep it may overlap these [m]; infinite for any depth.
+    """
+
+    names: tuple[str, ...] = ()
+    touch_depth: float = TOUCH_DEPTH
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Straight:
     """A straight motion of the tool.
@@ -90,7 +102,6 @@ class Straight:
         settings: StageSettings of the stage.
         of: Object or support whose frame or surface is meant; a task puts it in where it is None.
         into: Objects that what is held may touch from this stage to the next free motion.
-        touch_depth: How deep it may overlap these [m]; infinite for any depth.
 
     Raises:
         InvalidOption: The direction is zero, or the distances are not 0 < least <= most.
@@ -103,8 +114,7 @@ class Straight:
     most: float
     settings: StageSettings = field(default_factory=StageSettings)
     of: str | None = None
-    into: tuple[str, ...] = ()
-    touch_depth: float = TOUCH_DEPTH
+    into: Into = field(default_factory=Into)
 
     if TYPE_CHECKING:  # the constructor takes whatever makes an array
 
@@ -117,8 +127,7 @@ class Straight:
             most: float,
             settings: StageSettings = ...,
             of: str | None = ...,
-            into: tuple[str, ...] = ...,
-            touch_depth: float = ...,
+            into: Into = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:

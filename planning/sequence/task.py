@@ -24,6 +24,7 @@ from planning.sequence.stage import (
     Detach,
     Grasp,
     Gripper,
+    Into,
     Move,
     Place,
     Stage,
@@ -233,12 +234,12 @@ def _with_reference(stages: Sequence[Stage], k: int, stage: Stage, held: Sequenc
     """The stage with the object whose frame or surface its direction is in."""
     if not isinstance(stage, Straight):
         return stage
-    if stage.into and not held:
+    if stage.into.names and not held:
         raise _fault(stages, k, "pushes what is held into something, and nothing is held by then",
                      "Put grasp and attach before it.")  # fmt: skip
     if stage.of is not None or stage.frame in ("tool", "root"):
         return stage
-    near = (*stage.into, *held) if stage.frame == "object" else stage.into
+    near = (*stage.into.names, *held) if stage.frame == "object" else stage.into.names
     others = stages[k + 1 : k + 2] if stage.kind == "approach" else stages[k - 1 :: -1] if k else ()
     target = next((one for one in others if isinstance(one, Grasp | Place)), None)
     if not near and target is not None:
@@ -311,7 +312,7 @@ def _object_names(stage: Stage) -> list[tuple[str, str]]:
     """Names of objects in a stage, each with its field."""
     pairs = [(name, getattr(stage, name, None)) for name in ("object", "reference")]
     pairs += [("support", name) for name in getattr(stage, "supports", ())]
-    pairs += [("into", name) for name in getattr(stage, "into", ())]
+    pairs += [("into", name) for name in getattr(stage, "into", Into()).names]
     pairs += [("of", getattr(stage, "of", None))]
     return [(name, str(value)) for name, value in pairs if value is not None]
 

@@ -17,7 +17,7 @@ from obstacles.robots.attachment import Attachment, hold
 from obstacles.robots.finger_geometry import moved_links, swept_cover, with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import AllowedContact, Obstacle, Scene
-from planning.sequence.stage import Load, Pair
+from planning.sequence.stage import Into, Load, Pair
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -208,10 +208,10 @@ class World:
         T_link_tool = inverse(holder.T_joint_link) @ tip.T_joint_link
         return np.asarray(T_link_tool @ inverse(T_object_tool))
 
-    def after_insert(self, into: Iterable[str], touch_depth: float) -> "World":
+    def after_insert(self, into: Into) -> "World":
         """The world when what is held was pushed into something, which it may touch from now on."""
-        contact = AllowedContact("into", touch_depth)
-        pairs = {sorted_pair(item.name, name): contact for item in self.held for name in into}
+        contact, names = AllowedContact("into", into.touch_depth), into.names
+        pairs = {sorted_pair(item.name, name): contact for item in self.held for name in names}
         return replace(self, supported={**self.supported, **pairs})
 
     def entered(self, robot: RobotGeometry | None) -> "World":

@@ -56,8 +56,10 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
      {"robot": "r", "end": "start", "precedence": [["0", "z"]], "rounds": 2, "goals": [
          {"pose": AT}, {"joints": [1.0]},
          {"id": "z", "state": "home", "dwell": 1.0}]}),
-    ("export", lambda c: c.export("r", MOTION, "krl", blend=10.0, name="pick"), "POST",
-     "/v1/export", {"robot": "r", "trajectory": SENT_MOTION, "format": "krl", "blend": 10.0,
+    ("export_plan", lambda c: c.export_plan("id", "krl", ports={"spindle": 2}), "POST",
+     "/v1/export", {"plan": "id", "format": "krl", "ports": {"spindle": 2}}),
+    ("export", lambda c: c.export("r", MOTION, "krl", blend=0.1, name="pick"), "POST",
+     "/v1/export", {"robot": "r", "trajectory": SENT_MOTION, "format": "krl", "blend": 0.1,
                     "name": "pick"}),
     ("retime", lambda c: c.retime([[0.0], [1.0]], knots=[0, 2], robot="r", timeout=3.0), "POST",
      "/v1/retime", {"path": {"joints": [[0.0], [1.0]], "knots": [0.0, 2.0]}, "robot": "r",

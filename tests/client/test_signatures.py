@@ -95,7 +95,7 @@ OPTIONS: list[tuple[type, type[Body], set[str]]] = [
         guard.GuardRequest,
         {"robot", "state", "proposal", "latency", "scene_hash", "exact"},
     ),
-    (plan_options.ExportOptions, export.ExportRequest, {"robot", "trajectory", "format"}),
+    (plan_options.ExportOptions, export.ExportRequest, {"robot", "trajectory", "plan", "format"}),
     (
         plan_options.SimulateOptions,
         simulation.SimulateRequest,

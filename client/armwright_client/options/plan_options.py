@@ -116,21 +116,21 @@ class GuardOptions(SceneOptions, total=False):
     arm: str
 
 
-class ExportOptions(SceneOptions, total=False):
+class ProgramOptions(TypedDict, total=False):
     """Options of an export: points and program.
 
     Args:
         sample_period: Time between points [s].
         interpolation: Interpolation of messages and tables.
         path_tolerance: Distance of the motion from the legs of a path at most [rad].
-        blend: How far from a point the corner may be cut: [m] URScript, [mm] RAPID, [%] KRL.
+        blend: How far from a point the flange may be where its corner is cut, at most [m].
         speed: Share of the axes' largest speeds, for paths.
         name: Name of the program.
         frame_id: Frame id of the header of a ROS message.
-        margin: Distance to be kept [m].
-        fingers: Positions of joints of the gripper meanwhile [rad or m].
-        premises: Premises of the certificate that the motion has; other ones are refused.
+        ports: Numbers or names in the controller of outputs and inputs, by those of stages.
+        gripper: Digital output that closes the gripper.
         different_scene: Whether to export all the same, proved for what is given here.
+        timeout: Deadline [s].
     """
 
     sample_period: float
@@ -140,10 +140,24 @@ class ExportOptions(SceneOptions, total=False):
     speed: float
     name: str
     frame_id: str
+    ports: Mapping[str, int | str]
+    gripper: int | str
+    different_scene: bool
+    timeout: float | None
+
+
+class ExportOptions(SceneOptions, ProgramOptions, total=False):
+    """Options of an export of a motion.
+
+    Args:
+        margin: Distance to be kept [m].
+        fingers: Positions of joints of the gripper meanwhile [rad or m].
+        premises: Premises of the certificate that the motion has; other ones are refused.
+    """
+
     margin: float
     fingers: FingerPositions
     premises: Premises
-    different_scene: bool
 
 
 class LyapunovOptions(TypedDict, total=False):

@@ -190,7 +190,9 @@ class LineStage(FollowStage):
     poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=1_000)] | None = Field(
         None, description="in order; the tool rests at each without a blend"
     )
-    blend: NonNegative = Field(0.0, description="how far from corners the tool may cut them [m]")
+    blend: NonNegative | None = Field(
+        None, description="how far from corners the tool may cut them [m]"
+    )
 
     @model_validator(mode="after")
     def _check_form(self) -> "LineStage":

@@ -7,11 +7,12 @@ from typing import Any
 from pydantic_core import to_json
 
 from armwright_wire.motions.export import ExportRequest, KeptMotion
+from kinematics.errors import InvalidOption
 from planning.exports.export import Export
 from planning.exports.export import export as write_motion
 from planning.exports.options import ExportFormat, ExportOptions
-from planning.exports.recording import record
 from planning.exports.program import Program, export_program
+from planning.exports.recording import record
 from planning.proof.certificate import Certificate
 from planning.proof.premises import Premises
 from service.endpoints.attached_objects import robot_in_scene
@@ -24,6 +25,9 @@ from service.workers import current
 from service.workers.result import TaskProblem
 from service.workers.task import GRACE, task
 
+#: Format that is written beside those of controllers.
+_RECORDING = "mcap"
+
 
 @task(grace=GRACE)
 def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes | TaskProblem:
@@ -33,13 +37,6 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
         ArmwrightError: The request is at fault.
     """
     body = ExportRequest.model_validate_json(content)
-    is_recording = body.format == "mcap"
-    chain = worker_cache.chain(robot)
-    motion, begins = trajectories.trajectory(body.trajectory, chain)
-    cell = robot_in_scene(robot, scene, body, motion.start)
-    # A recording shows points of a motion as a message of ROS has them.
-    form = ExportFormat.JOINT_TRAJECTORY_JSON if is_recording else ExportFormat(body.format)
-    given = shared(body, ExportOptions, without=("format",))
     if isinstance(body.plan, KeptMotion):
         return _program(robot, scene, body, body.plan)
     assert body.trajectory is not None
@@ -50,7 +47,7 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
         motion,
         cell.robot,
         cell.scene,
-        ExportOptions(form, **given),
+        _options(body),
         margin=body.margin,
         premises=None if body.premises is None else Premises.of_fields(dict(body.premises)),
         different_scene=body.different_scene,
@@ -62,13 +59,35 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
         "joint_deviation": None if deviation is None else deviation.tolist(),
         "certificate": certificate,
     }
+    if body.format == _RECORDING:
+        recorded = record(
+            written.motion,
+            cell.robot,
+            cell.scene,
+            written.certificate,
+            sample_period=body.sample_period,
+        )
+        more |= {
+            "file_name": f"{body.name}.mcap",
+            "content": b64encode(recorded).decode(),
+            "unproved": list(written.certificate.proved.reasons),
+        }
     return _answer(body, written, (written.certificate,), more)
 
 
 def _program(
     robot: Reference, scene: Reference | None, body: ExportRequest, kept: KeptMotion
 ) -> bytes | TaskProblem:
-    """The answer of a program."""
+    """The answer of a program.
+
+    Raises:
+        InvalidOption: It is to be a recording, which is of one motion.
+    """
+    if body.format == _RECORDING:
+        raise InvalidOption(
+            "a recording is of one motion, not of a program",
+            hint="Give `trajectory`, or another format.",
+        )
     parts = program_parts(robot, scene, kept)
     written = export_program(
         parts,
@@ -101,24 +120,13 @@ def _answer(
             "Allow more time with the field timeout.",
             {"stage": "certificate"},
         )
-    certificate = certificates.certificate_answer(written.certificate, begins, body.scene)
-    deviation = written.joint_deviation
-    text, unproved = written.text, written.unproved
-    if is_recording:
-        period = body.sample_period
-        recorded = record(
-            written.motion, cell.robot, cell.scene, written.certificate, sample_period=period
-        )
-        text, unproved = b64encode(recorded).decode(), written.certificate.proved.reasons
     answer = {
         "format": body.format,
-        "file_name": f"{body.name}.mcap" if is_recording else written.file_name,
-        "content": text,
+        "file_name": written.file_name,
+        "content": written.text,
         "point_count": written.point_count,
         "interpolation": written.rule.value,
         "proved": written.proved,
-        "unproved": list(unproved),
-        "joint_deviation": None if deviation is None else deviation.tolist(),
         "unproved": list(written.unproved),
         "joint_tolerance": written.tolerance,
         "blends": written.blends.tolist(),
@@ -129,4 +137,6 @@ def _answer(
 
 def _options(body: ExportRequest) -> ExportOptions:
     given = shared(body, ExportOptions, without=("format", "ports"))
-    return ExportOptions(ExportFormat(body.format), **given, ports=dict(body.ports or {}))
+    # A recording shows points of a motion as a message of ROS has them.
+    named = "joint_trajectory_json" if body.format == _RECORDING else body.format
+    return ExportOptions(ExportFormat(named), **given, ports=dict(body.ports or {}))

@@ -21,11 +21,11 @@ from service.endpoints.attached_objects import (
 from service.endpoints.tasks.stage_cells import (
     StageCell,
     moved,
+    robot_with_tip,
     stage_cells,
     task_objects,
     told_transform,
 )
-from service.endpoints.tasks.stage_tools import robot_with_tip
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import trajectories

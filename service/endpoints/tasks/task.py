@@ -1,14 +1,16 @@
 """Tasks of several stages as requests ask for them, in workers."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import TypeAdapter
 from pydantic_core import to_json
 
+from armwright_wire.plans import stages as stages_of
 from armwright_wire.plans.stages import SingleStage
 from armwright_wire.plans.task import TaskRequest
 from kinematics.arrays import Array
@@ -17,7 +19,7 @@ from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.options import MAX_TIMEOUT
-from planning.sequence.blocks import Flat, plan_blocks
+from planning.orders.blocks import Block, Each, Fallback, Flat, plan_blocks
 from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan, TaskOptions, Trial
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Signal, describe_stage
@@ -26,9 +28,12 @@ from planning.sequence.world import Held, World
 from service.endpoints.attached_objects import attachment, requested_scene, scene_notes
 from service.endpoints.plan.task import check_solids, reproducibility
 from service.endpoints.tasks import translation
-from service.endpoints.tasks.expansion import blocks
-from service.endpoints.tasks.stage_cells import moved, stage_cells, task_objects
-from service.endpoints.tasks.stage_tools import stage_robots
+from service.endpoints.tasks.stage_cells import (
+    moved,
+    stage_cells,
+    stage_robots,
+    task_objects,
+)
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, problems, trajectories
@@ -40,6 +45,8 @@ from service.workers.result import TaskProblem, timed_out
 from service.workers.task import GRACE, task
 
 Flats = Sequence[Flat[SingleStage]]
+Blocks = Sequence[Block[SingleStage]]
+_STAGES: TypeAdapter[list[stages_of.StageUnion]] = TypeAdapter(list[stages_of.StageUnion])
 
 #: Trials that are answered: at 100 bytes each, two hundred kilobytes.
 _MAX_TRIALS = 2_000
@@ -271,3 +278,69 @@ def _trials_answer(trials: tuple[Trial, ...]) -> dict[str, Any]:
         ],
         "trials_omitted": max(len(trials) - _MAX_TRIALS, 0),
     }
+
+
+# --------------------------------------------------------------------------------- the blocks
+
+
+def blocks(stages: Sequence[stages_of.StageUnion]) -> Blocks:
+    """The stages of a request, those inside of ``for_each`` and ``fallback`` as blocks.
+
+    Args:
+        stages: Stages of the request, in order.
+    """
+    return [_block(stage) for stage in stages]
+
+
+def _block(stage: stages_of.StageUnion) -> Block[SingleStage]:
+    match stage:
+        case stages_of.ForEachStage():
+            items = next(iter(stage.for_each.values()))
+            return Each(items, _maker(stage), stage.order == "free")
+        case stages_of.FallbackStage():
+            return Fallback([blocks(alternative) for alternative in stage.fallback])
+        case _:
+            return stage
+
+
+def _maker(stage: stages_of.ForEachStage) -> Callable[[Sequence[int]], Blocks]:
+    """Maker of the stages for one item, after those that were before it."""
+    body = [one.model_dump(mode="json", by_alias=True, exclude_unset=True) for one in stage.stages]
+    objects = stage.for_each.get("object", next(iter(stage.for_each.values())))
+    named = {one["name"] for one in body if one.get("name")}
+
+    def stages(order: Sequence[int]) -> Blocks:
+        item, number = order[-1], len(order) - 1
+        values = {f"{{{name}}}": values[item] for name, values in stage.for_each.items()}
+        below = objects[order[-2]] if number else None
+
+        def made(part: Any, field: str = "") -> Any:
+            if isinstance(part, dict):
+                return {name: made(value, name) for name, value in part.items()}
+            if isinstance(part, list):
+                return [made(value, field) for value in part]
+            if not isinstance(part, str):
+                return part
+            if field in ("name", "end_of") and part in named and "{" not in part:
+                return f"{part} {objects[item]}"
+            for name, value in values.items():
+                part = part.replace(name, value)
+            return part
+
+        filled = [_filled(made(one), number, below) for one in body]
+        return blocks(_STAGES.validate_python(filled))
+
+    return stages
+
+
+def _filled(stage: Mapping[str, Any], number: int, below: str | None) -> dict[str, Any]:
+    """A stage whose places on a grid or stack are the next ones after some were taken."""
+    filled = dict(stage)
+    for name in ("grid", "stack"):
+        if filled.get(name):
+            first = filled[name].get("first", 0)
+            filled[name] = {**filled[name], "first": first + number}
+    if filled.get("stack") and below is not None:
+        support = filled.get("support") or []
+        filled["support"] = [*([support] if isinstance(support, str) else support), below]
+    return filled

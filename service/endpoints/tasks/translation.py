@@ -30,6 +30,7 @@ from planning.sequence.stage import (
     Follow,
     Grasp,
     Gripper,
+    Into,
     Load,
     Move,
     Place,
@@ -346,10 +347,10 @@ def _straight(body: schema.StraightStage, settings: StageSettings) -> Straight:
         frame, direction = "normal", (0.0, 0.0, -1.0 if inward else 1.0)
     along = direction if not isinstance(body.direction, list) else body.direction
     if isinstance(body, schema.InsertStage):
-        ends, into = (body.distance, body.distance), supports(body.into)
-        depth = touch_depth(body.touch_depth)
+        ends = body.distance, body.distance
+        into = Into(supports(body.into), touch_depth(body.touch_depth))
         return Straight(
-            body.kind, along, body.frame or frame, *ends, settings, body.relative_to, into, depth
+            body.kind, along, body.frame or frame, *ends, settings, body.relative_to, into
         )
     ends = body.distance[0], body.distance[1]
     return Straight(body.kind, along, body.frame or frame, *ends, settings, body.relative_to)

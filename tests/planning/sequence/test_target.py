@@ -217,7 +217,7 @@ def test_a_joint_path_backwards_passes_the_same_places() -> None:
 def test_an_approach_ends_and_a_retreat_begins_at_the_configuration(kind: str, sign: float) -> None:
     cell = Cells().cell(crate.world())
     stage = Straight(kind, [0, 0, 1], "tool", 0.05, 0.1)  # type: ignore[arg-type]
-    led = lead_straight(cell, stage, crate.HOME, SOON)
+    led = lead_straight(cell, crate.world(), stage, crate.HOME, SOON)
     assert isinstance(led, Line)
     fixed, other = (led.end, led.start) if kind == "approach" else (led.start, led.end)
     np.testing.assert_array_equal(fixed, crate.HOME)
@@ -234,11 +234,12 @@ def test_an_approach_ends_and_a_retreat_begins_at_the_configuration(kind: str, s
 def test_a_motion_that_meets_something_is_as_long_as_it_can_be() -> None:
     tool = forward(crate.panda().chain, crate.HOME)[:3, 3]
     floor = aw.Obstacle("floor", aw.Box((0.2, 0.2, 0.02)), aw.pose([tool[0], 0.0, tool[2] - 0.12]))
-    cell = Cells().cell(crate.world(floor))
-    led = lead_straight(cell, Straight("lift", [0, 0, -1], "root", 0.02, 0.3), crate.HOME, SOON)
+    world = crate.world(floor)
+    cell, down = Cells().cell(world), [0, 0, -1]
+    led = lead_straight(cell, world, Straight("lift", down, "root", 0.02, 0.3), crate.HOME, SOON)
     assert isinstance(led, Line)
     assert 0.05 < led.distance < 0.12
-    short = lead_straight(cell, Straight("lift", [0, 0, -1], "root", 0.2, 0.3), crate.HOME, SOON)
+    short = lead_straight(cell, world, Straight("lift", down, "root", 0.2, 0.3), crate.HOME, SOON)
     assert isinstance(short, LineStopped)
     assert short.stop.reason == "collision"
     assert short.distance < 0.12

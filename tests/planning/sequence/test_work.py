@@ -7,7 +7,7 @@ import pytest
 
 import armwright as aw
 from kinematics.errors import InvalidOption
-from planning.sequence.stage import Signal, Stage, StageSettings
+from planning.sequence.stage import Into, Signal, Stage, StageSettings
 from tests.planning.sequence.workshop import (
     HOME,
     Z,
@@ -62,7 +62,7 @@ def test_corners_of_lines_are_passed_within_their_blend() -> None:
 @pytest.mark.parametrize(
     ("stages", "told"),
     [
-        ((aw.Straight("insert", Z, "tool", 0.02, 0.02, into=("block",)),), "nothing is held"),
+        ((aw.Straight("insert", Z, "tool", 0.02, 0.02, into=Into(("block",))),), "nothing is held"),
         ((aw.Straight("retreat", Z, "object", 0.02, 0.02),), "of nothing"),
         (
             (aw.Move(), aw.Straight("approach", Z, "tool", 0.02, 0.02, StageSettings(

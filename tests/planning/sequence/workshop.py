@@ -7,7 +7,7 @@ import numpy as np
 import armwright as aw
 from kinematics.pose import transform
 from planning.options import CartesianOptions, Options, ToolMotionOptions
-from planning.sequence.stage import Follow, Signal, Stage, StageSettings
+from planning.sequence.stage import Follow, Into, Signal, Stage, StageSettings
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
 
 HOME = np.array([0.0, -1.4, 1.5, -1.67, -1.57, 0.0])
@@ -93,7 +93,7 @@ def work() -> tuple[Stage, ...]:
         aw.Move(),
         aw.Straight("approach", -Z, "support", 0.02, 0.04),
         aw.Place(None, np.array([aw.pose([0.45, -0.25, 0.145])]), support=("chuck_0",)),
-        aw.Straight("insert", -Z, "root", 0.02, 0.02, into=("chuck_0", "chuck_1")),
+        aw.Straight("insert", -Z, "root", 0.02, 0.02, into=Into(("chuck_0", "chuck_1"))),
         Signal("signal", 3, 1.0, 0.2),
         Signal("wait_for", 1),
         aw.Gripper("open"),

@@ -159,11 +159,14 @@ def task_stages(pose: dict[str, Any], constraints: list[dict[str, Any]]) -> list
         "constraints": constraints,
         "timing": {"velocity_scaling": 0.5},
         "limits": {"velocity": [1.0]},
+        "tool": "gripper_a",
+        "tcp": "tip",
     }
     way = {
         "distance": [0.05, 0.1],
         "direction": [0.0, 0.0, 1.0],
         "frame": "tool",
+        "relative_to": "table",
         "max_deviation": 1e-3,
         "max_orientation_deviation": 1e-2,
     }
@@ -197,8 +200,33 @@ def task_stages(pose: dict[str, Any], constraints: list[dict[str, Any]]) -> list
           for kind in ("antipodal", "top", "side", "suction")),
         {"kind": "wait", "duration": 1.0},
         {"kind": "move", "end_of": "#1"},
+        {"kind": "lift", "direction": "normal", "distance": [0.05, 0.1]},
+        {"kind": "insert", **way, "distance": 0.02, "into": "chuck", "touch_depth": 0.002},
+        {"kind": "line", "poses": [pose | {"frame": "base"}], "blend": 0.01, "tool_speed": 0.1,
+         "max_deviation": 1e-3, "max_orientation_deviation": 1e-2},
+        {"kind": "line", "pose": pose},
+        {"kind": "arc", "pose": pose, "via": [0.4, 0.0, 0.3], "tool_speed": 0.1,
+         "max_deviation": 1e-3, "max_orientation_deviation": 1e-2},
+        {"kind": "arc", "pose": pose, "center": [0.4, 0.0, 0.3], "normal": [0.0, 0.0, 1.0]},
+        {"kind": "seam", "waypoints": [{"pose": pose}, {"point": [0.4, 0.1, 0.3],
+                                                        "normal": [0.0, 0.0, 1.0]}],
+         "tolerance": {"free": ["rz"]}, "tool_speed": 0.1, "speed_band": 0.1, "blend": 0.01,
+         "max_deviation": 1e-3, "max_orientation_deviation": 1e-2, "orientation": "slerp",
+         **{name: {"direction": [0.0, 0.0, 1.0], "distance": 0.05}
+            for name in ("approach", "retreat", "branch_changes")}},
+        {"kind": "signal", "output": "clamp", "value": False, "duration": 0.1},
+        {"kind": "set", "output": "spindle", "value": 0.5},
+        {"kind": "wait_for", "input": "ready", "value": False},
+        *({"kind": "place", name: {"pose": pose, "step": [0.1, 0.1, 0.1], "count": [2, 2, 1],
+                                   "first": 1, "fill": "any"}} for name in ("grid", "stack")),
     ]  # fmt: skip
-    return [common | {"name": f"#{k}"} | stage for k, stage in enumerate(stages)]
+    single = [common | {"name": f"#{k}"} | stage for k, stage in enumerate(stages)]
+    return [
+        *single,
+        {"kind": "for_each", "for_each": {"object": ["a", "b"]}, "order": "free",
+         "stages": [{"kind": "wait", "duration": 1.0}]},
+        {"kind": "fallback", "fallback": [[{"kind": "wait", "duration": 1.0}]]},
+    ]  # fmt: skip
 
 
 def tasks(
@@ -475,6 +503,8 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                              "speed": 0.5, "name": "moves", "frame_id": "world", "margin": 0.01,
                              "fingers": {"finger": 0.01}, "premises": PREMISES,
                              "different_scene": True, "timeout": 5.0}),
+    (ExportRequest, {"plan": {"operation": "POST /v1/tasks", "request": {}, "answer": {}},
+                     "format": "krl", "ports": {"spindle": "ao2"}, "gripper": "grip"}),
     *KEPT_PLANS,
     *tasks(POSE, CONSTRAINTS[:1]), *TOURS,
     (ReachRequest, ABOUT | {"poses": [POSE], "link": "hand", "frame": "base", "margin": 0.01,

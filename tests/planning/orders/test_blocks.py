@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from planning.sequence.blocks import Each, Fallback, Flat, plan_blocks, plan_work
+from planning.orders.blocks import Each, Fallback, Flat, plan_blocks, plan_work
 from planning.sequence.result import SequenceFailure, SequencePlan, TaskOptions
 from planning.sequence.stage import Stage
 from tests.planning.sequence.workshop import DOWN, HOME, Z, gripping

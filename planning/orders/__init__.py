@@ -1,0 +1,1 @@
+"""Orders and alternatives of stages that are left open."""
