@@ -27,7 +27,7 @@ def tour(
     robot: RobotSource,
     goals: Annotated[
         Path,
-        typer.Argument(help='JSON or YAML file with {"goals": [...]} and more fields of a tour.'),
+        typer.Argument(help='JSON or YAML file with {"goals": [...]} and more of a tour.'),
     ],
     request: Request,
     cell: Cell,
