@@ -14,7 +14,10 @@ import numpy as np
 from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import REST, Trajectory, stay
+from obstacles.robots.allowed_pairs import TOUCH_DEPTH
+from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.tool import PART
+from obstacles.scenes.scene import AllowedContact
 from planning.exports import formats
 from planning.exports.corners import lever_arms
 from planning.exports.export import (
@@ -33,6 +36,8 @@ from planning.exports.steps import RosSteps, Table
 from planning.proof.certificate import Certificate, certify
 from planning.proof.gripper import certify_gripper
 from planning.proof.premises import Premises
+from planning.sequence.result import SequencePlan
+from planning.sequence.world import Cells
 from planning.values.deadline import Deadline
 from planning.values.finger_motion import FingerMotion
 
@@ -66,6 +71,31 @@ class ProgramPart(NamedTuple):
     def stands(self) -> bool:
         """Whether the arm stands still."""
         return not self.motion.coefficients[:, :, 1:].any()
+
+
+def program_parts(plan: SequencePlan) -> list[ProgramPart]:
+    """The stages of a task as parts of a program.
+
+    Args:
+        plan: The stages that were planned; what touches in them may go hardly deeper.
+    """
+    parts, cells = list[ProgramPart](), Cells()
+    for stage in plan.stages:
+        world, said, fingers = stage.after, stage.event, stage.fingers
+        if fingers is not None:
+            world = world.with_robot(with_fingers(world.robot, fingers.first))
+        contacts = {
+            item.pair: AllowedContact("request", item.overlap + TOUCH_DEPTH)
+            for item in stage.certificate.allowed_collisions
+            if item.overlap is not None
+        }
+        margin = stage.certificate.premises.margin
+        cell = cells.cell(world, contacts, margin)
+        label = " ".join([f"{stage.index}: {stage.kind}", *filter(None, [stage.name])])
+        event = None if said is None else Event(said.kind, said.port, said.value)
+        place = Place(cell.robot, cell.scene, margin)
+        parts.append(ProgramPart(label, stage.kind, stage.trajectory, place, fingers, event))
+    return parts
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.certificate import Certificate
 from planning.result import ChosenConfiguration, Plan
-from planning.sequence.stage import Pair
+from planning.sequence.stage import Pair, Signal
 from planning.sequence.world import World
 from planning.values.finger_motion import FingerMotion
 from planning.values.goal_costs import GoalCosts
@@ -53,6 +53,7 @@ class StagePlan:
         fingers: Motion of the gripper in it; None where its fingers stand still.
         passes: Whether the arm passes its end without resting, as the next stage goes on.
         configuration: The configuration that was chosen at its end, of a stage with a pose.
+        event: Word with the machines around, of a stage that says one.
     """
 
     index: int
@@ -68,6 +69,7 @@ class StagePlan:
     fingers: FingerMotion | None = None
     passes: bool = False
     configuration: ChosenConfiguration | None = None
+    event: Signal | None = None
 
 
 def total_duration(stages: Iterable[StagePlan]) -> float:

@@ -409,4 +409,5 @@ def _plan_still(step: Step, cell: Cell, deadline: Deadline, began: float) -> Sta
         plan=None,
         milliseconds=1e3 * (time.perf_counter() - began),
         fingers=fingers,
+        event=stage if isinstance(stage, Signal) else None,
     )

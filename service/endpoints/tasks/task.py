@@ -22,7 +22,7 @@ from planning.options import MAX_TIMEOUT
 from planning.orders.blocks import Block, Each, Fallback, Flat, plan_blocks
 from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan, TaskOptions, Trial
 from planning.sequence.search import plan_task
-from planning.sequence.stage import Signal, describe_stage
+from planning.sequence.stage import describe_stage
 from planning.sequence.task import Task
 from planning.sequence.world import Held, World
 from service.endpoints.attached_objects import attachment, requested_scene, scene_notes
@@ -161,8 +161,8 @@ def _answer(outcome: SequencePlan, whole: _Asked) -> dict[str, Any]:
         given, of = flat[stage.index]
         period = (given.timing or body.timing).sample_period
         reference = reference_answer(stage.after.robot.chain, stage.plan, body.seed)
-        said = asked.stages[stage.index]
-        event = {"port": said.port, "value": said.value} if isinstance(said, Signal) else None
+        said = stage.event
+        event = None if said is None else {"port": said.port, "value": said.value}
         more = {"reference": reference, "item": of, "event": event}
         stages.append(_stage_answer(stage, begins, before, period) | more)
         begins += stage.trajectory.duration

@@ -19,7 +19,8 @@ from kinematics.trajectory.interpolation import interpolate
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
-from planning.exports.export import Export, export, joint_tolerance, lever_arms
+from planning.exports.corners import lever_arms
+from planning.exports.export import Export, export, joint_tolerance
 from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
 from planning.exports.statement import plain
 from planning.options import Options
@@ -248,7 +249,7 @@ def test_whatever_curve_cuts_a_corner_is_free(format_: ExportFormat) -> None:
             for percent, first in written:
                 at = np.flatnonzero(np.abs(points[:, 0] - single(np.array([float(first)]))) == 0.0)
                 shares[at[0]] = float(percent) / 200.0
-        for k in np.flatnonzero(made.blends):
+        for k in np.flatnonzero(made.blends).tolist():
             cut += 1
             if format_ == ExportFormat.KRL:
                 ends = [points[k] + shares[k] * (points[i] - points[k]) for i in (k - 1, k + 1)]

@@ -13,14 +13,11 @@ from kinematics.errors import InvalidOption
 from kinematics.pose import inverse
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.attachment import Attachment, hold
-from planning.exports.export import Place
-from planning.exports.options import PATH_FORMATS, Event, ExportFormat, ExportOptions
-from planning.exports.program import Program, ProgramPart, export_program
-from planning.sequence.stage import Signal
-from planning.sequence.world import Cells
+from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
+from planning.exports.program import Program, ProgramPart, export_program, program_parts
 from tests.planning.exports.interpreters import Do, read
 from tests.planning.pinocchio_arm import PinocchioArm
-from tests.planning.sequence.workshop import deburring, gripping, scene, work, worked
+from tests.planning.sequence.workshop import deburring, gripping, scene, worked
 
 FORMATS = list(ExportFormat)
 #: What of the peg may touch something, and how deep [m].
@@ -32,20 +29,7 @@ ARM = PinocchioArm("ur5e")
 @cache
 def parts() -> tuple[ProgramPart, ...]:
     """The work as the parts of a program."""
-    made, cells = [], Cells()
-    before = aw.World(gripping(), scene())
-    for plan in worked().stages:
-        stage = work()[plan.index]
-        world = plan.after if plan.fingers is None else plan.after.with_robot(before.robot)
-        cell = cells.cell(world, plan.allowed)
-        event = None
-        if isinstance(stage, Signal):
-            event = Event(stage.kind, stage.port, stage.value)
-        place = Place(cell.robot, cell.scene)
-        made.append(ProgramPart(f"{plan.index}: {plan.kind}", plan.kind, plan.trajectory, place,
-                                plan.fingers, event))  # fmt: skip
-        before = plan.after
-    return tuple(made)
+    return tuple(program_parts(worked()))
 
 
 @cache
@@ -132,6 +116,10 @@ def run(made: Program, format_: ExportFormat) -> tuple[Cell, list[Do]]:
             cell.do(one, q)
             continue
         ways = np.abs(one.q - q).max()
+        goes_on = k + 1 < len(done) and done[k + 1].q is not None
+        if ways < 0.03 and goes_on and not one.cut and k % 4:
+            q = one.q  # one of four points that are so near is looked at
+            continue
         shares = np.linspace(0.0, 1.0, max(int(ways / 0.06), 1) + 1)[:, None]
         cell.see(q + shares * (one.q - q))
         if one.cut:

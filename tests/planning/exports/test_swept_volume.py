@@ -13,7 +13,7 @@ from kinematics.forward import forward, joint_frames
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.convex.triangles import corners
 from obstacles.robots.robot_geometry import RobotGeometry
-from planning.exports.export import lever_arms
+from planning.exports.corners import lever_arms
 from planning.exports.swept_volume import SweptVolume, swept_volume
 from tests.mimic_joints import configurations, mimic_robot
 
