@@ -391,6 +391,7 @@ from armwright_wire.scenes.scene import SceneSummary as SceneSummary
 from armwright_wire.scenes.scene import Shape as Shape
 from armwright_wire.scenes.scene import Sphere as Sphere
 from armwright_wire.scenes.tool import HeldTip as HeldTip
+from armwright_wire.scenes.tool import Margins as Margins
 from armwright_wire.scenes.tool import NamedTool as NamedTool
 from armwright_wire.scenes.tool import ParallelJaw as ParallelJaw
 from armwright_wire.scenes.tool import Solid as Solid

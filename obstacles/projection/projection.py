@@ -42,7 +42,7 @@ from obstacles.scenes.scene import (
     way_of_packing,
 )
 from obstacles.shapes.primitives import Primitive, Primitives, write_core
-from obstacles.shapes.shape import Mesh
+from obstacles.shapes.shape import Mesh, PointCloud
 
 HULL = int(PieceKind.POLYTOPE)
 CYLINDER = int(PieceKind.CYLINDER)
@@ -401,6 +401,34 @@ def project(points: ArrayLike, obstacles: Scene | Sequence[Obstacle]) -> tuple[A
         InvalidScene: Wrong shape or not finite.
     """
     return Projector(obstacles)(points)
+
+
+def without_points(scene: Scene, cloud: str, name: str, margin: float) -> Scene:
+    """The scene with a cloud that has no points on or in another obstacle.
+
+    Args:
+        scene: The obstacles.
+        cloud: Name of the point cloud; it is left out where none of its points are left.
+        name: Name of the other obstacle.
+        margin: Points nearer to it than this are left out [m].
+
+    Raises:
+        InvalidObjectName: There is no such obstacle.
+        InvalidScene: The two stand in different frames.
+    """
+    whole, other = scene.obstacle(cloud), scene.obstacle(name)
+    if whole.frame != other.frame or not isinstance(whole.shape, PointCloud):
+        raise InvalidScene(
+            f"cloud {cloud!r} and {name!r}, whose points it leaves out, are in different frames",
+            hint="Give both in one frame.",
+        )
+    T = whole.T_world_obstacle
+    points = whole.shape.points
+    distance = project(points @ T[:3, :3].T + T[:3, 3], (other,))[1][:, 0]
+    kept = points[distance > margin]
+    shape = replace(whole, shape=PointCloud(kept, whole.shape.radius)) if len(kept) else None
+    changed = (shape if item.id == cloud else item for item in scene.obstacles)
+    return replace(scene, obstacles=tuple(item for item in changed if item is not None))
 
 
 @kernel

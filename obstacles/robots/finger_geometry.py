@@ -53,12 +53,12 @@ def swept_cover(
     low, high = share
     middle = 0.5 * (low + high)
     at = {name: first[name] + middle * (last[name] - first[name]) for name in first}
-    grown = _growths(robot, (first, last), 0.5 * (high - low))
-    return _placed(robot, at, grown), max(grown.values(), default=0.0)
+    growths = _growths(robot, (first, last), 0.5 * (high - low))
+    return _placed(robot, at, growths), max(growths.values(), default=0.0)
 
 
 def _placed(
-    robot: RobotGeometry, positions: Positions, grown: Mapping[int, float]
+    robot: RobotGeometry, positions: Positions, growths: Mapping[int, float]
 ) -> RobotGeometry:
     fingers, chain = robot.fingers, robot.chain
     poses = fingers.link_poses(chain, positions)
@@ -68,7 +68,7 @@ def _placed(
         for link in chain.links
     )
     pieces = tuple(
-        _with_ball(piece.placed(turns[name]), grown.get(i, 0.0)) if name in turns else piece
+        grown(piece.placed(turns[name]), growths.get(i, 0.0)) if name in turns else piece
         for i, (piece, name) in enumerate(zip(robot.pieces, robot.links, strict=True))
     )
     return replace(
@@ -79,8 +79,13 @@ def _placed(
     )
 
 
-def _with_ball(piece: Piece, radius: float) -> Piece:
-    """The convex piece grown by a ball; it covers the triangles that it stands for."""
+def grown(piece: Piece, radius: float) -> Piece:
+    """The convex piece grown by a ball; it covers the triangles that it stands for.
+
+    Args:
+        piece: The piece.
+        radius: Radius of the ball [m].
+    """
     if radius == 0.0:
         return piece
     return replace(piece, offset_radius=piece.offset_radius + radius, surface=None)
@@ -91,7 +96,7 @@ def _growths(
 ) -> dict[int, float]:
     """By how much each piece of a finger has to be grown, by its number [m]."""
     by_child = {finger.joint.child: finger for finger in robot.fingers.joints}
-    grown = {}
+    growths: dict[int, float] = {}
     for i, (piece, link) in enumerate(zip(robot.pieces, robot.links, strict=True)):
         if link not in by_child:
             continue
@@ -109,8 +114,8 @@ def _growths(
             reach += offset + _slide(finger, ends)
             name = finger.joint.parent
         if way > 0.0:
-            grown[i] = half * way + _ROUNDING
-    return grown
+            growths[i] = half * way + _ROUNDING
+    return growths
 
 
 def _way(finger: Finger, ends: tuple[Positions, Positions]) -> float:

@@ -4,7 +4,7 @@ import hashlib
 import struct
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from itertools import groupby
 from types import MappingProxyType
@@ -341,6 +341,16 @@ class Scene:
                 "frame",
                 hint="Put the scene there first: place(scene, chain, joints).",
             )
+
+    def with_margin(self, name: str, margin: float) -> "Scene":
+        """The scene with another margin of one obstacle [m].
+
+        Raises:
+            InvalidObjectName: There is no such obstacle.
+        """
+        changed = replace(self.obstacle(name), margin=margin)
+        kept = tuple(changed if item.id == name else item for item in self.obstacles)
+        return replace(self, obstacles=kept)
 
     def obstacle(self, name: str) -> Obstacle:
         """The obstacle called ``name``.

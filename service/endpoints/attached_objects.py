@@ -35,7 +35,7 @@ from service.translate.contacts import (
 #: Unknown names that a note lists.
 _TOLD = 12
 #: Fields of requests that name obstacles.
-_NAMING = ("attached", "allowed_collisions", "objects", "stages")
+_NAMING = ("attached", "allowed_collisions", "margins", "objects", "stages")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,6 +110,9 @@ def requested_scene(
     source = None if isinstance(body.scene, str) else body.scene
     frame = None if source is None else body.frame
     scene = worker_cache.placed_scene(reference or source, frame, chain, joints)
+    margins = getattr(body, "margins", None)
+    for name, distance in ((margins and margins.objects) or {}).items():
+        scene = scene.with_margin(name, distance)
     named = (getattr(body, field, None) for field in _NAMING)
     return with_objects(scene, {name for node in named for name in _texts(node)})
 

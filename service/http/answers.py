@@ -24,7 +24,7 @@ from service.http.state import (
 )
 from service.problem import ProblemError, from_fields, storage_problem
 from service.storage.caches.cache_key import Kind, Mount, Reference
-from service.storage.caches.mounts import Asked, mount_of, stage_tools
+from service.storage.caches.mounts import Asked, mount_of, named_tools
 from service.storage.robot_repository import is_built_in
 from service.task_references import plan, prepare_robot, prepare_scene, robot_model
 from service.workers.process import OnProgress
@@ -68,16 +68,9 @@ async def tool_mount(request: Request, asked: Asked | None = None) -> Mount | No
     """
     if asked is None:
         asked = await request.json() if await request.body() else {}
-    if isinstance(asked, Mapping):
-        tool, tip, stages = asked.get("tool"), asked.get("tcp"), asked.get("stages")
-    elif isinstance(asked, WithTool):
-        tool, tip, stages = asked.tool, asked.tcp, getattr(asked, "stages", None)
-    else:
+    if not isinstance(asked, Mapping | WithTool):
         return None
-    others = [*stage_tools(stages if isinstance(stages, list) else None)]
-    if tool is None and tip is None and not others:
-        return None
-    if not any(isinstance(one, str) for one in (tool, *others)):
+    if not any(isinstance(one, str) for one in named_tools(asked)):
         return mount_of(asked, _no_document)
     documents = documents_of(request)
 

@@ -16,6 +16,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from kinematics.rounding import TOLD, asymmetry, check_rotation
 from obstacles.meshes import mesh
+from obstacles.projection.projection import without_points
 from obstacles.scenes.moveit import scene_from_moveit
 from obstacles.scenes.placement import in_frame, with_objects
 from obstacles.scenes.scene import Obstacle, Scene
@@ -146,6 +147,7 @@ def scene(body: scene_schema.Scene) -> Scene:
     Raises:
         InvalidScene: A shape or an obstacle is not valid.
         InvalidPose: The pose of an obstacle is not valid.
+        InvalidObjectName: A cloud leaves out points of an object that there is not.
     """
     allowed = contacts(body.allowed_collisions, "scene")
     if body.moveit is not None:
@@ -156,6 +158,9 @@ def scene(body: scene_schema.Scene) -> Scene:
         named = {name for pair in allowed for name in pair}
         notes = tuple(rounding_notes(body, "scene"))
         made = with_objects(Scene(obstacles, contacts=allowed, notes=notes), named)
+        for item in body.obstacles or ():
+            for out in getattr(item.shape, "except_", None) or ():
+                made = without_points(made, item.id, out.object, out.margin)
     return made if body.frame is None else in_frame(made, body.frame)
 
 

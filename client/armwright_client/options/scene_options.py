@@ -8,7 +8,7 @@ from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody
 from armwright_wire.scenes.check import AllowedCollisions, Attached
 from armwright_wire.scenes.scene import SceneReference
-from armwright_wire.scenes.tool import TipReference, ToolReference
+from armwright_wire.scenes.tool import Margins, TipReference, ToolReference
 
 #: An object whose fields the models of requests check.
 Options: TypeAlias = Mapping[str, Any]
@@ -20,10 +20,12 @@ class ToolOptions(TypedDict, total=False):
     Args:
         tool: Tool that is mounted meanwhile: name of a stored or built-in one, or a tool.
         tcp: Tip of it, or that of an attached object; may be left out where the tool has one.
+        margins: Distances that links and objects keep [m].
     """
 
     tool: ToolReference | None
     tcp: TipReference | None
+    margins: Margins | None
 
 
 class SceneOptions(ToolOptions, total=False):

@@ -159,6 +159,15 @@ class Mesh(Body):
         return self
 
 
+class LeftOut(Body):
+    """An object whose own points are left out of a cloud."""
+
+    object: Label = Field(description="name of an obstacle of the same scene", examples=["crate"])
+    margin: NonNegative = Field(
+        0.0, description="points nearer to it than this are left out, and those inside of it [m]"
+    )
+
+
 class PointCloud(Body):
     """A sphere of one radius around every point."""
 
@@ -167,6 +176,9 @@ class PointCloud(Body):
         examples=[[[0.5, 0.0, 0.2], [0.5, 0.01, 0.2]]], description="centres of the spheres [m]"
     )
     radius: Length = Field(examples=[0.01], description="of each sphere [m]")
+    except_: Annotated[list[LeftOut], Field(max_length=1_000)] | None = Field(
+        None, alias="except", description="objects of the scene about which points are left out"
+    )
 
 
 Shape = Annotated[

@@ -224,11 +224,26 @@ TipReference = Annotated[
 ]
 
 
+class Margins(Body):
+    """Distances that links and objects keep, beside the margin of all obstacles."""
+
+    links: Annotated[dict[Label, NonNegative], Field(max_length=MAX_PARTS)] | None = Field(
+        None,
+        examples=[{"forearm_link": 0.02}],
+        description="of a link from obstacles, by name, a tool's for all of its parts [m]",
+    )
+    objects: Annotated[dict[Label, NonNegative], Field(max_length=1000)] | None = Field(
+        None, examples=[{"glass": 0.05}], description="of an obstacle, in place of its own [m]"
+    )
+    own: NonNegative = Field(0.0, description="of links from each other, that are kept apart [m]")
+
+
 class WithTool(Body):
     """A request that may mount a tool."""
 
     tool: ToolReference | None = None
     tcp: TipReference | None = None
+    margins: Margins | None = None
 
 
 class ToolSummary(Answer):

@@ -145,7 +145,7 @@ def stage_robots(robot: Reference, stages: Sequence[SingleStage]) -> Iterator[Ro
         mount = current.mount or Mount(None)
         if stage.tool is not None:
             name = stage.tool if isinstance(stage.tool, str) else stage.tool.name
-            mount = Mount(documents[name], stage.tcp, others=others)
+            mount = replace(mount, tool=documents[name], tcp=stage.tcp, held=None)
         elif stage.tcp is not None:
             if mount.tool is None:
                 raise InvalidOption(
@@ -175,5 +175,5 @@ def robot_with_tip(robot: Reference, tip: str | None) -> RobotGeometry:
         documents[name] = robot.mount.tool
     if name not in documents:
         return own
-    mount = Mount(documents[name], tcp, others=robot.mount.others)
+    mount = replace(robot.mount, tool=documents[name], tcp=tcp, held=None)
     return worker_cache.robot(replace(robot, mount=mount)).geometry

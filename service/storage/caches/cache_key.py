@@ -17,12 +17,16 @@ class Mount:
         held: An attached object with the pose of the tip on it, JSON; None where the tip is no
             object's.
         others: Tools that stages of a task take in its place, by name, JSON.
+        margins: Distances that links keep from obstacles [m].
+        own_margin: Distance that links keep from each other [m].
     """
 
     tool: bytes | None
     tcp: str | None = None
     held: bytes | None = None
     others: tuple[tuple[str, bytes], ...] = ()
+    margins: tuple[tuple[str, float], ...] = ()
+    own_margin: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,23 +38,30 @@ def mount_of(asked: Asked, stored: Callable[[str], bytes]) -> Mount | None:
         return (builtin_tool(tool) or stored(tool)) if isinstance(tool, str) else _packed(tool)
 
     named = {_name_of(one): found(one) for one in stage_tools(_field(asked, "stages"))}
-    others = tuple(sorted(named.items()))
+    margins = _field(asked, "margins")
+    links = tuple(sorted((_field(margins, "links") or {}).items()))
+    more = tuple(sorted(named.items())), links, _field(margins, "own") or 0.0
     document = None if tool is None else found(tool)
     if tool is None and tcp is None:
-        return Mount(None, others=others) if others else None
+        return Mount(None, None, None, *more) if any(more) else None
     if tcp is None or isinstance(tcp, str):
         if document is None:
             raise InvalidOption(
                 f"tcp: {tcp!r} is the tip of a tool, and the request names none",
                 hint='Give tool, or {"object": id, "pose": ...} for a tip of what is held.',
             )
-        return Mount(document, tcp, others=others)
-    return Mount(document, None, _held(asked, tcp), others)
+        return Mount(document, tcp, None, *more)
+    return Mount(document, None, _held(asked, tcp), *more)
+
+
+def named_tools(asked: Asked) -> list[Any]:
+    """The tools that a request and its stages name; None where the request names none."""
+    return [_field(asked, "tool"), *stage_tools(_field(asked, "stages"))]
 
 
 def stage_tools(stages: Any) -> Iterator[Any]:
     """The tools that stages of a task name, those inside of for_each and fallback too."""
-    for stage in stages or ():
+    for stage in stages if isinstance(stages, list) else ():
         if isinstance(stage, list):
             yield from stage_tools(stage)
             continue

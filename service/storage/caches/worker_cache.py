@@ -9,6 +9,7 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.root_frame import TOOL
 from obstacles.kept_files import keep_files_in
+from obstacles.robots.link_margins import with_margins
 from obstacles.robots.visual_geometry import VisualGeometry
 from obstacles.scenes.placement import in_frame, place
 from obstacles.scenes.scene import Scene
@@ -62,9 +63,8 @@ def _mounted(reference: Reference, mount: Mount | None) -> PreparedRobot:
     """The robot of a reference with a tool or a tip."""
     assert mount is not None
     alone = robot(replace(reference, mount=None))
-    return PreparedRobot.of(
-        tools.mounted(alone.geometry, mount.tool, mount.tcp, mount.held), alone.answer
-    )
+    arm = tools.mounted(alone.geometry, mount.tool, mount.tcp, mount.held)
+    return PreparedRobot.of(with_margins(arm, dict(mount.margins), mount.own_margin), alone.answer)
 
 
 def visuals(reference: Reference) -> VisualGeometry:

@@ -9,9 +9,9 @@ from scipy.optimize import nnls
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
-from kinematics.pose import inverse
+from kinematics.pose import inverse, transform
 from obstacles.projection.fcl_projection import FclProjector
-from obstacles.projection.projection import Projector, project
+from obstacles.projection.projection import Projector, project, without_points
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import (
     Box,
@@ -21,6 +21,7 @@ from obstacles.shapes.shape import (
     Cylinder,
     HalfSpace,
     Mesh,
+    PointCloud,
     Shape,
     Sphere,
 )
@@ -353,3 +354,23 @@ def test_points_are_checked() -> None:
     for points in ([[0.0, 0.0]], [[np.nan, 0.0, 0.0]]):
         with pytest.raises(InvalidScene):
             FclProjector([Obstacle("it", Sphere(0.1))])(points)
+
+
+def test_points_on_an_object_are_left_out_of_a_cloud() -> None:
+    random = np.random.default_rng(38)
+    points = random.uniform(-0.3, 0.3, (4000, 3))
+    T = random_transform(random, 0.05)
+    half = np.array([0.05, 0.08, 0.1])
+    scene = Scene(
+        [
+            Obstacle("cloud", PointCloud(points, 0.005), transform(None, [0.02, 0.0, 0.01])),
+            Obstacle("crate", Box(2.0 * half), T),
+        ]
+    )
+    for margin in (0.0, 0.03):
+        left = without_points(scene, "cloud", "crate", margin).obstacle("cloud").shape
+        assert isinstance(left, PointCloud)
+        local = (points + np.array([0.02, 0.0, 0.01]) - T[:3, 3]) @ T[:3, :3]
+        outside = np.linalg.norm(np.maximum(np.abs(local) - half, 0.0), axis=1)
+        np.testing.assert_array_equal(left.points, points[outside > margin])
+    assert without_points(scene, "cloud", "crate", 2.0).ids == ("crate",)

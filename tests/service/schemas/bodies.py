@@ -34,6 +34,7 @@ from armwright_wire.scenes.check import CheckRequest
 from armwright_wire.scenes.scene import NamedScene, ProjectRequest
 from armwright_wire.scenes.tool import NamedTool, Tool
 
+MARGINS = {"links": {"hand": 0.02}, "objects": {"o0": 0.03}, "own": 0.01}
 IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 PAYLOAD = {"mass": 1.5, "center_of_mass": [0.0, 0.0, 0.1], "inertia": IDENTITY, "link": "hand"}
 MOTOR = {
@@ -108,7 +109,7 @@ _GOALS: list[dict[str, Any]] = [
 
 TOURS: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (TourRequest, {
-        "tool": "gripper_a", "tcp": "tip",
+        "tool": "gripper_a", "tcp": "tip", "margins": MARGINS,
         "robot": "arm", "scene": "table", "frame": "base", "start": {"joints": [0.0, 0.1]},
         "end": {"state": "home"}, "goals": _GOALS, "precedence": [["a", "1"], ["left", "3"]],
         "attached": [{"id": "drill", "shape": _BOX, "pose": {"position": [0.0, 0.0, 0.1]},
@@ -237,6 +238,7 @@ def tasks(
         "robot": "panda",
         "tool": "gripper_a",
         "tcp": "tip",
+        "margins": MARGINS,
         "scene": "table",
         "frame": "base",
         "start": {"joints": [0.1]},
@@ -274,7 +276,8 @@ SHAPES: list[dict[str, Any]] = [
     {"type": "convex", "vertices": CORNERS},
     {"type": "mesh", "vertices": CORNERS, "faces": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]},
     {"type": "mesh", "stl_base64": "AAAA"},
-    {"type": "point_cloud", "points": [[0.5, 0.0, 0.2]], "radius": 0.01},
+    {"type": "point_cloud", "points": [[0.5, 0.0, 0.2]], "radius": 0.01,
+     "except": [{"object": "o0", "margin": 0.01}]},
 ]
 ORIENTATIONS: list[dict[str, Any]] = [
     {"quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]},
@@ -328,6 +331,7 @@ CONSTRAINTS: list[dict[str, Any]] = [
 MODEL: dict[str, Any] = {
     "tool": "gripper_a",
     "tcp": "tip",
+    "margins": MARGINS,
     "gravity": [0.0, 0.0, -9.81],
     "payload": PAYLOAD,
     "motor_inertia": [0.1, 0.2],
@@ -368,6 +372,7 @@ SMALL_SCENE = {"obstacles": OBSTACLES[1:2]}
 ABOUT: dict[str, Any] = {
     "tool": "gripper_a",
     "tcp": "tip",
+    "margins": MARGINS,
     "attached": ATTACHED[1:],
     "allowed_collisions": [["hand", "o0"]],
 }
@@ -459,7 +464,7 @@ FORMS: list[dict[str, Any]] = [
      "mass": 2.0},
 ]  # fmt: skip
 #: What requests that may mount a tool have for it.
-MOUNTED = {"tool": "gripper_a", "tcp": "tip"}
+MOUNTED = {"tool": "gripper_a", "tcp": "tip", "margins": MARGINS}
 
 FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (NamedTool, TOOL),

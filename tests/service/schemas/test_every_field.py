@@ -21,7 +21,18 @@ bodies = pytest.mark.parametrize(("model", "body"), FULL, ids=NAMES)
 #: Fields whose content only the domain knows: they take any JSON.
 FREE = ("planner_options", "changes", "request", "answer")
 #: Objects by names of the caller's own: any name is a valid one.
-NAMED = ("meshes", "held", "joint_limits", "inertias", "fingers", "joints", "ports", "for_each")
+NAMED = (
+    "meshes",
+    "held",
+    "joint_limits",
+    "inertias",
+    "fingers",
+    "joints",
+    "ports",
+    "for_each",
+    "links",
+    "objects",
+)
 #: Texts that may be numbers, and those that may be lists.
 PORTS, LISTS = ("output", "input", "spindle", "gripper"), ("support", "into", "control_points")
 
