@@ -55,6 +55,30 @@ def test_what_could_not_be_done_is_told(run: Run, tmp_path: Path) -> None:
     assert "lift" in refused.err
 
 
+TENDING = Path(__file__).parents[2] / "examples" / "machine_tending.yaml"
+
+
+def test_the_work_of_the_example_becomes_a_page_and_a_program(run: Run, tmp_path: Path) -> None:
+    whole, program = tmp_path / "done.json", tmp_path / "tending.src"
+    told = run("task", "ur5e", str(TENDING), "--whole", str(whole))
+    assert told.code == 0, told.err
+    assert "50 stages in" in told.out
+    page = run("view", str(whole), "--robot", "ur5e", "-o", str(tmp_path / "page.html"))
+    assert page.code == 0, page.err
+    fields = tmp_path / "ports.json"
+    fields.write_text(json.dumps({"ports": {"speed": 2}, "blend": 0.03}))
+    written = run("export", "ur5e", str(whole), "--format", "krl", "--fields", str(fields),
+                  "-o", str(program))  # fmt: skip
+    assert written.code == 0, written.err
+    text = program.read_text()
+    assert text.count("gripper_to(") == 7  # once in a comment
+    assert "$ANOUT[2] = 0.8" in text
+    assert "C_PTP" in text
+    refused = run("export", "ur5e", str(whole), "--format", "krl")
+    assert refused.code != 0
+    assert "'speed' has no number" in refused.err
+
+
 START = "0,-1.44,2.5,0,-1.07,0"
 
 

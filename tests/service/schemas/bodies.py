@@ -276,8 +276,12 @@ SHAPES: list[dict[str, Any]] = [
     {"type": "convex", "vertices": CORNERS},
     {"type": "mesh", "vertices": CORNERS, "faces": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]},
     {"type": "mesh", "stl_base64": "AAAA"},
-    {"type": "point_cloud", "points": [[0.5, 0.0, 0.2]], "radius": 0.01,
-     "except": [{"object": "o0", "margin": 0.01}]},
+    {
+        "type": "point_cloud",
+        "points": [[0.5, 0.0, 0.2]],
+        "radius": 0.01,
+        "except": [{"object": "o0", "margin": 0.01}],
+    },
 ]
 ORIENTATIONS: list[dict[str, Any]] = [
     {"quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]},

@@ -1,0 +1,210 @@
+"""Blocks, tools by stage and programs as requests ask for them, called in this process."""
+
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from armwright_wire.motions.export import ExportAnswer
+from armwright_wire.plans.task import TaskAnswer
+from armwright_wire.plans.tour import TourAnswer
+from kinematics.errors import ArmwrightError, InvalidOption
+from service.endpoints.export.task import export
+from service.endpoints.plans.swept import swept
+from service.endpoints.plans.view import view
+from service.endpoints.tasks.task import plan_sequence
+from service.endpoints.tours.task import tour
+from service.storage.caches.cache_key import builtin_reference
+from service.storage.caches.mounts import mount_of, with_tools
+from tests.service.endpoints.ask import answer_of, problem_of
+
+TENDING = Path(__file__).parents[3] / "examples" / "machine_tending.yaml"
+TASK: dict[str, Any] = {"robot": "ur5e"} | yaml.safe_load(TENDING.read_text("utf-8"))
+HOME = TASK["start"]["joints"]
+UR = builtin_reference("ur5e")
+
+
+def no_tool(name: str) -> bytes:
+    raise AssertionError(name)
+
+
+def mounted(body: dict[str, Any]) -> Any:
+    return replace(UR, mount=mount_of(body, no_tool))
+
+
+def solved(**changes: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    body = TASK | changes
+    return body, answer_of(plan_sequence, mounted(body), body, TaskAnswer)
+
+
+@cache
+def tending() -> dict[str, Any]:
+    return solved()[1]
+
+
+def program(operation: str, body: dict[str, Any], answer: Any, **more: Any) -> dict[str, Any]:
+    plan = {"operation": operation, "request": body, "answer": answer}
+    asked = {"plan": plan, "sample_period": 0.05, "ports": {"speed": 2}} | more
+    made: dict[str, Any] = answer_of(export, mounted(body), asked, ExportAnswer)
+    return made
+
+
+def test_every_part_comes_to_its_chuck_and_the_tool_changes() -> None:
+    stages = tending()["stages"]
+    items = [stage["item"] for stage in stages]
+    assert items == ["part_1"] * 15 + ["part_2"] * 15 + ["part_3"] * 15 + [None] * 5
+    assert all(stage["certificate"]["verified"] for stage in stages)
+    said = [(s["kind"], s["event"]["port"]) for s in stages if s["event"] is not None]
+    assert said == [("signal", 3), ("wait_for", 1)] * 3 + [("set", "speed")] * 2
+    tips = [stage["certificate"]["premises"]["tool"] for stage in stages]
+    assert tips == ["parallel_jaw/tip"] * 46 + ["spindle/tip"] * 4
+    placed = {one["id"]: one["pose"]["position"] for one in stages[-1]["after"]["objects"]}
+    for k in range(3):
+        assert placed[f"part_{k + 1}"] == pytest.approx([0.4 + 0.12 * k, -0.3, 0.083], abs=1e-4)
+
+
+def test_the_page_and_the_space_of_the_work() -> None:
+    kept = {"operation": "POST /v1/tasks", "request": TASK, "answer": tending(),
+            "proved_here": True}  # fmt: skip
+    content = view(mounted(TASK), None, json.dumps(kept).encode())
+    assert isinstance(content, bytes)
+    found = re.search(rb'type="application/json">(.*?)</script>', content, re.DOTALL)
+    assert found is not None
+    data = json.loads(found[1])
+    assert {"part_1", "part_2", "part_3"} == set(data["carriers"])
+    assert len(data["stages"]) == 50
+    mesh = swept(mounted(TASK), None, json.dumps(kept).encode(), "stl", 0.05)
+    assert isinstance(mesh, bytes)
+
+
+@pytest.mark.parametrize("form", ["urscript_movej", "urscript_servoj", "rapid", "krl", "csv",
+                                  "ros2_control", "joint_trajectory_json"])  # fmt: skip
+def test_the_work_is_one_proved_program(form: str) -> None:
+    blend = {"blend": 0.02} if form in ("urscript_movej", "rapid", "krl") else {}
+    made = program("POST /v1/tasks", TASK, tending(), format=form, **blend)
+    assert made["proved"], [p for p in made["parts"] if p["certificate"]["violation"]]
+    assert [part["kind"] for part in made["parts"]] == [s["kind"] for s in tending()["stages"]]
+    assert made["certificate"] is None
+    held = [tuple(p["certificate"]["premises"]["attached"]) for p in made["parts"]]
+    assert held == [tuple(i["id"] for i in s["after"]["attached"]) for s in tending()["stages"]]
+    assert (max(made["blends"]) > 0.005) is bool(blend)
+    if form == "joint_trajectory_json":
+        kinds = [next(iter(step)) for step in json.loads(made["content"])["steps"]]
+        assert kinds.count("gripper") == 6
+        assert kinds.count("wait_for") == 3
+
+
+def test_a_program_is_of_the_scene_that_was_planned_in() -> None:
+    body = json.loads(json.dumps(TASK))
+    body["scene"]["obstacles"][0]["pose"]["position"][2] -= 0.001
+    plan = {"operation": "POST /v1/tasks", "request": body, "answer": tending()}
+    asked = {"plan": plan, "format": "csv"}
+    with pytest.raises(InvalidOption, match="under other premises"):
+        export(mounted(body), None, json.dumps(asked).encode())
+    broken = {"operation": "POST /v1/tasks", "request": TASK, "answer": {"stages": [{}]}}
+    with pytest.raises(InvalidOption, match="do not belong together"):
+        export(mounted(TASK), None, json.dumps({"plan": broken, "format": "csv"}).encode())
+
+
+def test_a_tour_is_a_program_with_its_stays() -> None:
+    other, third = [0.5, -1.3, 1.4, -1.6, -1.5, 0.2], [0.9, -1.2, 1.3, -1.6, -1.5, 0.0]
+    body = {"robot": "ur5e", "start": {"joints": HOME}, "end": "start",
+            "goals": [{"joints": other, "dwell": 0.5}, {"joints": third}],
+            "timeout": 20}  # fmt: skip
+    answer = answer_of(tour, UR, body, TourAnswer)
+    made = program("POST /v1/tours", body, answer, format="urscript_movej")
+    assert made["proved"]
+    assert [part["kind"] for part in made["parts"]] == ["leg", "wait", "leg", "leg"]
+    assert "sleep(0.5)" in made["content"]
+
+
+def test_blocks_of_grids_stacks_and_fallbacks() -> None:
+    crates = [f"crate_{k}" for k in range(3)]
+    size = [0.04, 0.04, 0.04]
+    obstacles = [
+        {"id": "bench", "shape": {"type": "box", "size": [0.8, 1.2, 0.04]},
+         "pose": {"position": [0.55, 0.0, 0.0]}},
+        *({"id": name, "shape": {"type": "box", "size": size},
+           "pose": {"position": [0.4 + 0.1 * k, 0.3, 0.04]}} for k, name in enumerate(crates)),
+    ]  # fmt: skip
+    pick: list[dict[str, Any]] = [
+        {"kind": "move"}, {"kind": "approach", "distance": [0.03, 0.08]},
+        {"kind": "grasp", "object": "{object}", "grasps": {"top": {}},
+         "touch_links": ["parallel_jaw"], "support": "bench", "name": "pick"},
+        {"kind": "close", "until": "contact"}, {"kind": "attach", "object": "{object}"},
+        {"kind": "lift", "distance": [0.05, 0.1], "frame": "object", "direction": [0, 0, 1]},
+        {"kind": "move"},
+        {"kind": "approach", "distance": [0.02, 0.05], "direction": [0, 0, -1], "frame": "root"},
+    ]  # fmt: skip
+    leave = [{"kind": "open"}, {"kind": "detach"}, {"kind": "retreat", "distance": [0.05, 0.1]}]
+    stack = {"pose": {"position": [0.45, -0.3, 0.04]}, "step": [0, 0, 0.04]}
+    # The second stack stands: nothing can be put where nobody reaches.
+    far = {"pose": {"position": [2.5, -0.3, 0.04]}, "step": [0, 0, 0.04]}
+    places = [{"kind": "place", "stack": one, "support": "bench"} for one in (far, stack)]
+    body: dict[str, Any] = {
+        "robot": "ur5e", "tool": "parallel_jaw", "start": {"joints": HOME}, "timeout": 60,
+        "scene": {"obstacles": obstacles},
+        "stages": [{"fallback": [
+            [{"for_each": {"object": crates}, "stages": [*pick, place, *leave]}]
+            for place in places]}],
+    }  # fmt: skip
+    answer = answer_of(plan_sequence, mounted(body), body, TaskAnswer)
+    stands = {
+        one["id"]: one["pose"]["position"] for one in answer["stages"][-1]["after"]["objects"]
+    }
+    for k, name in enumerate(crates):
+        assert stands[name] == pytest.approx([0.45, -0.3, 0.04 + 0.04 * k], abs=1e-4)
+    assert answer["stages"][0]["item"] == "alternative 1, crate_0"
+    assert [s["name"] for s in answer["stages"] if s["name"]] == [f"pick {n}" for n in crates]
+    full = stack | {"count": [1, 1, 2]}
+    body["stages"] = [{"for_each": {"object": crates}, "stages": [
+        *pick, {"kind": "place", "grid": full, "support": "bench"}, *leave]}]  # fmt: skip
+    with pytest.raises(ArmwrightError, match="all 2 places of the grid are taken"):
+        plan_sequence(mounted(body), None, json.dumps(body).encode())
+
+
+@pytest.mark.parametrize(
+    ("stages", "told"),
+    [
+        ([{"kind": "wait", "duration": 1.0, "tcp": "tip"}], "the robot has none by then"),
+        ([{"kind": "attach", "object": "part_1"},
+          {"kind": "wait", "duration": 1.0, "tool": "spindle"}], "while something is held"),
+        ([{"kind": "line", "pose": {"position": [9.0, 0.0, 0.3]}}], "can be led along"),
+        ([{"kind": "insert", "distance": 0.02, "into": "chuck_1"}], "nothing is held by then"),
+    ],
+)  # fmt: skip
+def test_work_that_can_not_be_done_says_why(stages: list[dict[str, Any]], told: str) -> None:
+    body = TASK | {"stages": stages}
+    body.pop("tool")
+    message = ""
+    try:
+        message = problem_of(plan_sequence, mounted(body), body).message
+    except ArmwrightError as error:
+        message = error.message
+    assert told in message
+
+
+def test_margins_of_links_hold_for_each_stage_and_for_its_program() -> None:
+    margins = {"links": {"wrist_2_link": 0.02}, "objects": {"block": 0.03}}
+    moves = [TASK["stages"][1], {"kind": "move", "tool": "spindle",
+                                 "goal": {"joints": [0.6, *HOME[1:]]}}]  # fmt: skip
+    body, answer = solved(stages=moves, margins=margins)
+    plain = solved(stages=moves)[1]
+    told, before = (a["stages"][1]["certificate"]["premises"] for a in (answer, plain))
+    assert told["robot_hash"] != before["robot_hash"]
+    assert told["scene_hash"] != before["scene_hash"]
+    assert program("POST /v1/tasks", body, answer, format="csv")["proved"]
+
+
+def test_kept_requests_hold_the_tools_of_their_stages() -> None:
+    document = json.dumps({"name": "mill", "form": {"type": "spindle"}}).encode()
+    stages = [{"kind": "wait", "duration": 1.0, "tool": "mill"}]
+    asked = {"tool": "mill", "stages": [{"fallback": [stages]}, *stages]}
+    whole = with_tools(asked, {"mill": document})
+    assert whole["tool"]["form"] == {"type": "spindle"}
+    assert whole["stages"][0]["fallback"][0][0]["tool"] == whole["stages"][1]["tool"]
