@@ -71,7 +71,7 @@ def test_the_work_of_the_example_becomes_a_page_and_a_program(run: Run, tmp_path
                   "-o", str(program))  # fmt: skip
     assert written.code == 0, written.err
     text = program.read_text()
-    assert text.count("gripper_to(") == 7  # once in a comment
+    assert text.count("gripper_to(") == 6
     assert "$ANOUT[2] = 0.8" in text
     assert "C_PTP" in text
     refused = run("export", "ur5e", str(whole), "--format", "krl")

@@ -41,7 +41,9 @@ Format = Literal[
 class KeptMotion(Body):
     """A plan, task, tour or proof that was answered, as `GET /v1/plans/{id}` tells it."""
 
-    operation: Literal["POST /v1/plan", "POST /v1/tasks", "POST /v1/tours", "POST /v1/validate"]
+    operation: Literal["POST /v1/plan", "POST /v1/tasks", "POST /v1/tours", "POST /v1/validate"] = (
+        Field(description="that was asked for")
+    )
     request: dict[str, Any] = Field(description="as it was sent")
     answer: dict[str, Any] = Field(description="all of it")
 

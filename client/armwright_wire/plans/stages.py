@@ -464,7 +464,7 @@ class SignalStage(StageBody):
 
     kind: Literal["signal"] = "signal"
     output: Port = Field(description="number of the output, or its name", examples=[3])
-    value: bool = True
+    value: bool = Field(True, description="on or off")
     duration: Annotated[NonNegative, Field(le=3600.0)] = Field(
         0.0, description="how long the arm stands after it [s]"
     )
@@ -475,7 +475,7 @@ class SetStage(StageBody):
 
     kind: Literal["set"] = "set"
     output: Port = Field(description="number of the output, or its name", examples=["spindle"])
-    value: Number
+    value: Number = Field(description="that it gets, in the controller's units")
 
 
 class WaitForStage(StageBody):
@@ -483,7 +483,7 @@ class WaitForStage(StageBody):
 
     kind: Literal["wait_for"] = "wait_for"
     input: Port = Field(description="number of the input, or its name", examples=[1])
-    value: bool = True
+    value: bool = Field(True, description="that is waited for: on or off")
 
 
 class ForEachStage(Body):
@@ -500,7 +500,9 @@ class ForEachStage(Body):
     order: Literal["written", "free"] = Field(
         "written", description="free: another order where this one can't be done"
     )
-    stages: Annotated[list["StageUnion"], Field(min_length=1, max_length=MAX_STAGES)]
+    stages: Annotated[list["StageUnion"], Field(min_length=1, max_length=MAX_STAGES)] = Field(
+        description="of each, in order"
+    )
 
     @model_validator(mode="after")
     def _check_lists(self) -> "ForEachStage":
@@ -516,7 +518,7 @@ class FallbackStage(Body):
     fallback: Annotated[
         list[Annotated[list["StageUnion"], Field(max_length=MAX_STAGES)]],
         Field(min_length=1, max_length=100),
-    ]
+    ] = Field(description="stages of each alternative")
 
 
 def _with_kind(value: object) -> object:
