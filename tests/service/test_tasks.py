@@ -232,3 +232,47 @@ def test_fingers_move_and_the_next_task_begins_where_they_are(
     assert motion is not None
     assert motion.sample([0.0])[0] == pytest.approx([0.02, 0.02])
     assert closed.stages[0].after.as_options()["fingers"] == {"claw_left": 0.0}
+
+
+def test_a_kept_task_is_seen_and_exported_with_the_tools_it_had(client: httpx.Client) -> None:
+    mill = {"form": {"type": "spindle", "length": 0.1}}
+    answer(client.put("/v1/tools/mill", json=mill), 201)
+    home = [0.0, -1.4, 1.5, -1.67, -1.57, 0.0]
+    stages = [
+        {"kind": "move", "goal": {"joints": [0.5, *home[1:]]}},
+        {"kind": "signal", "output": 3},
+        {"kind": "move", "goal": {"joints": home}, "tool": "mill"},
+    ]
+    body = {"robot": "ur5e", "start": {"joints": home}, "stages": stages, "keep": True}
+    body |= {"margins": {"links": {"forearm_link": 0.01}}, "timeout": 20.0}
+    planned = answer(client.post("/v1/tasks", json=body))
+    assert planned["stages"][2]["certificate"]["premises"]["tool"] == "mill/tip"
+    answer(client.put("/v1/tools/mill", json={"form": {"type": "torch"}}))
+    plan_id = planned["plan_id"]
+    assert client.get(f"/v1/plans/{plan_id}/view").status_code == 200
+    asked = {"plan": plan_id, "format": "urscript_movej", "blend": 0.02}
+    made = answer(client.post("/v1/export", json=asked))
+    assert made["proved"], made["unproved"]
+    assert [part["kind"] for part in made["parts"]] == ["move", "signal", "move"]
+    assert made["content"].index("set_standard_digital_out(3, True)") < made["content"].index(
+        "take_mill()"
+    )
+    told = [part["certificate"]["premises"] for part in made["parts"]]
+    assert told == [stage["certificate"]["premises"] for stage in planned["stages"]]
+    again = answer(client.post(f"/v1/plans/{plan_id}/replay", json={}))
+    assert again["same"], again["differences"]
+    problem(client.post("/v1/export", json=asked | {"plan": "nothing"}), 404, "NOT_FOUND")
+    both = asked | {"robot": "ur5e"}
+    problem(client.post("/v1/export", json=both), 422, "VALIDATION_ERROR")
+
+
+def test_a_seam_is_exported_by_the_id_of_its_plan(client: httpx.Client) -> None:
+    points = [{"point": [0.45, y, 0.35], "normal": [0, 0, 1]} for y in (-0.1, 0.1)]
+    options = {"waypoints": points, "tolerance": {"free": ["rz"]}, "tool_speed": 0.1}
+    body = {"robot": "ur5e", "start": {"joints": [0.0, -1.4, 1.5, -1.67, -1.57, 0.0]},
+            "planner": "cartesian", "planner_options": options, "keep": True,
+            "timeout": 20.0}  # fmt: skip
+    plan_id = answer(client.post("/v1/plan", json=body))["plan_id"]
+    made = answer(client.post("/v1/export", json={"plan": plan_id, "format": "rapid"}))
+    assert made["proved"]
+    assert "MoveAbsJ" in made["content"]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
-from pydantic_core import to_json
+from pydantic_core import from_json, to_json
 
 from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.plans.plan import Collisions, PlanRequest, ValidateRequest
@@ -35,6 +35,7 @@ from planning.witness.witness import witness
 from service.endpoints.attached_objects import RobotInScene, robot_in_scene, with_surroundings
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
+from service.storage.caches.mounts import stage_tools, with_tool_names
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
 from service.translate.frames import (
@@ -399,6 +400,8 @@ def reproducibility(
         deterministic: Whether the same request has the same answer.
     """
     content = body.model_dump_json(exclude={"keep", "tool", "tcp", "witness"}).encode()
+    if any(stage_tools(getattr(body, "stages", None))):
+        content = to_json(with_tool_names(from_json(content)))  # as kept requests have documents
     return {
         "seed": body.seed,
         "deterministic": deterministic,

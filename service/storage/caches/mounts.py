@@ -10,6 +10,8 @@ from armwright_wire.scenes.tool import BUILTIN_TOOLS
 from kinematics.errors import InvalidObjectName, InvalidOption
 from service.storage.caches.cache_key import Mount
 
+#: Fields of requests that hold stages.
+_BLOCKS = {"stages", "fallback"}
 #: What a request is asked for: its fields, or an instance of its model.
 Asked = Mapping[str, Any] | BaseModel
 
@@ -83,13 +85,24 @@ def with_tools(content: Any, documents: Mapping[str, bytes]) -> Any:
     if not isinstance(content, dict):
         return content
     changed = {
-        name: with_tools(part, documents) if name in ("stages", "fallback") else part
+        name: with_tools(part, documents) if name in _BLOCKS else part
         for name, part in content.items()
     }
     tool = content.get("tool")
     if isinstance(tool, str) and tool in documents:
         changed["tool"] = from_json(documents[tool])
     return changed
+
+
+def with_tool_names(content: Any) -> Any:
+    """A part of a request, as JSON has it, with names in place of its stages' tools."""
+    if isinstance(content, list):
+        return [with_tool_names(item) for item in content]
+    if not isinstance(content, dict):
+        return content
+    changed = {name: with_tool_names(content[name]) for name in _BLOCKS & content.keys()}
+    tool = content.get("tool")
+    return content | changed | ({} if tool is None else {"tool": _name_of(tool)})
 
 
 def _name_of(tool: Any) -> str:
