@@ -16,7 +16,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.exports import formats
 from planning.exports.corners import fitted_corners, lever_arms
-from planning.exports.languages import Krl, Language, Rapid, URScript
+from planning.exports.languages import Krl, Language, Rapid, URScript, WrittenMotion
 from planning.exports.options import ExportFormat, ExportOptions, Rule
 from planning.exports.points import ExportPoints, export_points
 from planning.exports.statement import comments, unproved_parts
@@ -284,7 +284,7 @@ def file_text(
             lines = formats.table(names, points)
         case _:
             language = language_of(robot.chain, options)
-            motion = language.motion(points, run.corners, rests=True)
+            motion = language.motion(WrittenMotion(points, run.corners))
             body = [*language.begin(points.positions[0], run.tolerance), *motion]
             return "\n".join([*language.program(head, body), ""])
     return "\n".join([*head, *lines, ""])

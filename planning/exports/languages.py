@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -30,6 +30,20 @@ _NO_TOLERANCE = 1e-3
 _NOT_THERE = "The arm is not at the start of the motion."
 
 
+class WrittenMotion(NamedTuple):
+    """A motion that is written.
+
+    Args:
+        points: Its points, the first one the last of the motion before.
+        corners: Radius [m] of each point, or share of its legs; 0 for a stop, shape (p,).
+        rests: Whether the arm rests at the end.
+    """
+
+    points: ExportPoints
+    corners: Array
+    rests: bool = True
+
+
 class Language(Protocol):
     """Lines of a program, part by part."""
 
@@ -41,14 +55,8 @@ class Language(Protocol):
             tolerance: How far off each joint may be by the proof [rad]; None where none is proved.
         """
 
-    def motion(self, points: ExportPoints, corners: Array, *, rests: bool) -> list[str]:
-        """Lines of a motion from where the one before ended.
-
-        Args:
-            points: Points of the motion, its first one the last of the one before.
-            corners: Radius [m] of each point, or share of its legs; 0 for a stop, shape (p,).
-            rests: Whether the arm rests at the end.
-        """
+    def motion(self, motion: WrittenMotion) -> list[str]:
+        """Lines of a motion from where the one before ended."""
 
     def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:
         """Lines that bring fingers to positions [rad or m] within a time [s]."""
@@ -111,9 +119,8 @@ class URScript:
             lines.append("  movej(q_start, a=0.5, v=0.05)")
         return lines
 
-    def motion(  # noqa: D102
-        self, points: ExportPoints, corners: Array, *, rests: bool
-    ) -> list[str]:
+    def motion(self, motion: WrittenMotion) -> list[str]:  # noqa: D102
+        points, corners, rests = motion
         rows, times = points.positions, points.times
         if self._streams:
             lines = [
@@ -184,15 +191,9 @@ class Rapid:
             lines += ["      EXIT;", "    ENDIF"]
         return [*lines, f"    VelSet {100.0 * min(self.options.speed, 1.0)!r}, 5000;"]
 
-    def motion(  # noqa: D102
-        self,
-        points: ExportPoints,
-        corners: Array,
-        *,
-        rests: bool,  # noqa: ARG002
-    ) -> list[str]:
-        rows, first = single_degrees(points.positions), 1 if self._began else 0
-        self._began = True
+    def motion(self, motion: WrittenMotion) -> list[str]:  # noqa: D102
+        rows, first = single_degrees(motion.points.positions), 1 if self._began else 0
+        corners, self._began = motion.corners, True
         # RAPID's TCP speed; the speed of joint motions follows from it and from VelSet [mm/s].
         return [
             f"    MoveAbsJ {_joint_target(row)}\\NoEOffs, v1000, {self._zone(radius)}, tool0;"
@@ -257,15 +258,9 @@ class Krl:
             lines += [f"WHILE {off}", "HALT", "ENDWHILE"]
         return lines
 
-    def motion(  # noqa: D102
-        self,
-        points: ExportPoints,
-        corners: Array,
-        *,
-        rests: bool,  # noqa: ARG002
-    ) -> list[str]:
-        rows, first = single_degrees(points.positions), 1 if self._began else 0
-        self._began = True
+    def motion(self, motion: WrittenMotion) -> list[str]:  # noqa: D102
+        rows, first = single_degrees(motion.points.positions), 1 if self._began else 0
+        corners, self._began = motion.corners, True
         axes, lines = self._axes(rows.shape[1]), list[str]()
         for row, share in zip(rows[first:], corners[first:].tolist(), strict=True):
             # Of half of a leg, in whole percents.

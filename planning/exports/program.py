@@ -5,7 +5,7 @@ stands, it is proved standing at the last point of the motion before.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ from planning.exports.export import (
     language_of,
     prove_run,
 )
-from planning.exports.languages import Language, procedure
+from planning.exports.languages import Language, WrittenMotion, procedure
 from planning.exports.options import SPLINE_FORMATS, Event, ExportFormat, ExportOptions, Rule
 from planning.exports.points import single_degrees
 from planning.exports.statement import RULES, allowed_lines, plain, signed, unproved_parts
@@ -180,7 +180,7 @@ def export_program(
         if len(rules) == 1:
             break
         # One reader for the whole file: it interpolates by what every motion bears.
-        options = _with_rule(options, Rule.CUBIC)
+        options = replace(options, interpolation=Rule.CUBIC.value)
     certificates: list[Certificate] = []
     for k, run in enumerate(runs):
         if k in proved:
@@ -243,11 +243,6 @@ def _written(q: Array, rounds: bool) -> Array:
     return np.deg2rad(single_degrees(q).astype(np.float64)) if rounds else q
 
 
-def _with_rule(options: ExportOptions, rule: Rule) -> ExportOptions:
-    fields = {name: getattr(options, name) for name in options.__dataclass_fields__}
-    return ExportOptions(**fields | {"interpolation": rule.value})
-
-
 def _certify_still(
     part: ProgramPart, q: Array, place: Place, deadline: Deadline | None
 ) -> Certificate:
@@ -288,7 +283,7 @@ def _text(
         if k in proved:
             end = run[-1].motion
             rests = bool(np.abs(end.sample([end.duration], 1)).max() <= 1e-6)
-            lines += language.motion(proved[k].points, proved[k].corners, rests=rests)
+            lines += language.motion(WrittenMotion(proved[k].points, proved[k].corners, rests))
         else:
             lines += _standing_lines(language, run[0], options)
     return "\n".join([*language.program(head, lines), ""])

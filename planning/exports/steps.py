@@ -7,8 +7,8 @@ from typing import Any
 
 from kinematics.arrays import Array
 from planning.exports import formats
+from planning.exports.languages import WrittenMotion
 from planning.exports.options import Event, ExportFormat, ExportOptions
-from planning.exports.points import ExportPoints
 
 
 @dataclass(slots=True)
@@ -28,21 +28,15 @@ class RosSteps:
     def begin(self, start: Array, tolerance: float | None) -> list[str]:  # noqa: ARG002, D102
         return []
 
-    def motion(  # noqa: D102
-        self,
-        points: ExportPoints,
-        corners: Array,  # noqa: ARG002
-        *,
-        rests: bool,  # noqa: ARG002
-    ) -> list[str]:
+    def motion(self, motion: WrittenMotion) -> list[str]:  # noqa: D102
         frame = self.options.frame_id
         if self._is_json:
-            message = formats.message_json(self.names, points, frame)
+            message = formats.message_json(self.names, motion.points, frame)
             return [f'{{"trajectory": {message.rstrip()}}}']
         if self.options.format == ExportFormat.ROS2_CONTROL:
-            lines = formats.goal_yaml(self.names, points, frame, self.tolerance)
+            lines = formats.goal_yaml(self.names, motion.points, frame, self.tolerance)
             return ["- follow_joint_trajectory:", *(f"    {line}" for line in lines)]
-        lines = formats.message_yaml(self.names, points, frame)
+        lines = formats.message_yaml(self.names, motion.points, frame)
         return ["- trajectory:", *(f"    {line}" for line in lines)]
 
     def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:  # noqa: D102
@@ -96,14 +90,8 @@ class Table:
     def begin(self, start: Array, tolerance: float | None) -> list[str]:  # noqa: ARG002, D102
         return []
 
-    def motion(  # noqa: D102
-        self,
-        points: ExportPoints,
-        corners: Array,  # noqa: ARG002
-        *,
-        rests: bool,  # noqa: ARG002
-    ) -> list[str]:
-        header, *rows = formats.table(self.names, points)
+    def motion(self, motion: WrittenMotion) -> list[str]:  # noqa: D102
+        header, *rows = formats.table(self.names, motion.points)
         self._header = self._header or header
         split = [row.split(",") for row in rows]
         began = self._time

@@ -1,6 +1,5 @@
 """Kept plans, tasks and tours as the parts of one program."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -92,12 +91,7 @@ def _motion(robot: Reference, scene: Reference | None, kept: KeptMotion) -> Prog
     if kept.operation == "POST /v1/plan":
         body = with_states(PlanRequest.model_validate(kept.request), geometry.states)
         start = first_configuration(geometry.chain, body.start.joints)
-        told = kept.answer["trajectory"]
-        fields = {name: told[name] for name in ("joint_names", "segments")}
-        shown = ValidateRequest.model_validate_json(
-            json.dumps({"robot": robot.name, "trajectory": fields})
-        )
-        motion, _ = trajectories.trajectory(shown.trajectory, geometry.chain)
+        motion, _ = trajectories.answered_trajectory(kept.answer["trajectory"], geometry.chain)
         premises = Premises.of_fields(kept.answer["certificate"]["premises"])
     else:
         body = ValidateRequest.model_validate(kept.request)
