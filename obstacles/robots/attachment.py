@@ -6,6 +6,7 @@ name. Where that name is an obstacle's, the obstacle is taken out of the scene a
 is held; to release it is to plan without the attachment, with the obstacle put where it then is.
 """
 
+import fnmatch
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -23,7 +24,7 @@ from obstacles.scenes.scene import AllowedContact, Obstacle, Scene
 
 #: Links, obstacles and attached objects that an error names.
 _TOLD = 60
-#: In a pair that may touch: whatever there is.
+#: In a pair that may touch: any letters of a name, and alone whatever there is.
 ANYTHING = "*"
 
 
@@ -145,7 +146,7 @@ def hold(
         what = f"touch_links of attached object {attachment.held.id!r}"
         _check_names(attachment.touches, what, known, InvalidLinkName)
     for pair, contact in contacts_of(allowed, "request").items():
-        named = [name for name in pair if name != ANYTHING]
+        named = [name for name in pair if ANYTHING not in name or not fnmatch.filter(known, name)]
         _check_names(named, "allowed_collisions", known, InvalidObjectName)
         contacts[pair] = contact
     scene = with_parts(arm, replace(scene, obstacles=left, contacts=contacts))
@@ -154,23 +155,25 @@ def hold(
 
 
 def with_parts(robot: RobotGeometry, scene: Scene) -> Scene:
-    """The scene with pairs that may touch spelled out: of all parts of a tool, and of ``*``.
+    """The scene with pairs that may touch spelled out: of all parts of a tool, and of patterns.
 
     Args:
         robot: The arm with its tool and with what it holds.
-        scene: Scene whose pairs may name a tool, which stands for its jaws as well, or ``*``, which
-            stands for all links, obstacles and attached objects.
+        scene: Scene whose pairs may name a tool, which stands for its jaws as well, or all links,
+            obstacles and attached objects of a pattern: ``*``, ``finger_*``.
     """
     tools = {name.partition(PART)[0] for name in robot.names if PART in name}
-    wide = {p: c for p, c in scene.contacts.items() if ANYTHING in p or not tools.isdisjoint(p)}
+    patterns = {p: c for p, c in scene.contacts.items() if any(ANYTHING in name for name in p)}
+    wide = {p: c for p, c in scene.contacts.items() if p in patterns or not tools.isdisjoint(p)}
     if not wide:
         return scene
     own = set(robot.names)
     every = [*robot.names, *scene.ids]
-    contacts = {pair: c for pair, c in scene.contacts.items() if ANYTHING not in pair}
+    contacts = {pair: c for pair, c in scene.contacts.items() if pair not in patterns}
     for pair, contact in wide.items():
         first, second = (
-            every if name == ANYTHING else parts_of(name, robot.names) for name in pair
+            fnmatch.filter(every, name) if ANYTHING in name else parts_of(name, robot.names)
+            for name in pair
         )
         for a, b in product(first, second):
             if a != b and (a in own or b in own):

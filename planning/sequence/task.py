@@ -1,5 +1,6 @@
 """Tasks: a robot, a scene, a start and the stages in order, checked for contradictions."""
 
+import fnmatch
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from kinematics.errors import (
     InvalidOption,
 )
 from kinematics.tree.fingers import Fingers, Positions
+from obstacles.robots.attachment import ANYTHING
 from obstacles.robots.finger_geometry import moved_links, with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.tool import PART
@@ -292,7 +294,8 @@ def _check_names(world: World, stages: Sequence[Stage]) -> None:
         for where, name in _link_names(stage):
             if name not in chain.index and name not in robot.names:
                 raise _unknown(InvalidLinkName, stages, k, (where, name), set(chain.index))
-        named = [name for pair in stage.settings.allowed for name in pair]
+        pairs = [name for pair in stage.settings.allowed for name in pair]
+        named = [name for name in pairs if ANYTHING not in name or not fnmatch.filter(known, name)]
         named += stage.touches if isinstance(stage, Attach) else ()
         for name in named:
             if name not in known:

@@ -226,7 +226,8 @@ def scene_notes(robot: RobotGeometry, scene: Scene, held: Sequence[str] = ()) ->
         held: Names of objects that a request has the robot hold.
     """
     known = {*robot.chain.index, *robot.names, *scene.ids, *held, ANYTHING}
-    unknown = sorted({name for pair in scene.allowed_collisions for name in pair} - known)
+    named = {name for pair in scene.allowed_collisions for name in pair} - known
+    unknown = sorted(name for name in named if ANYTHING not in name)
     if not unknown:
         return scene.notes
     more = f" and {len(unknown) - _TOLD} more" if len(unknown) > _TOLD else ""

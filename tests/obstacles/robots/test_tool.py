@@ -13,7 +13,13 @@ from armwright.robot import load_robot
 from dynamics.inverse import inverse_dynamics
 from dynamics.terms import gravity_vector, mass_matrix
 from kinematics.arrays import Array
-from kinematics.errors import ArmwrightError, InvalidLinkName, InvalidOption, InvalidScene
+from kinematics.errors import (
+    ArmwrightError,
+    InvalidLinkName,
+    InvalidObjectName,
+    InvalidOption,
+    InvalidScene,
+)
 from kinematics.forward import forward
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.jacobian import geometric
@@ -158,6 +164,11 @@ def test_a_tool_stands_for_its_jaws_where_it_is_named() -> None:
     assert named == {("box", "jaw_a"), ("box", "jaw_a/left"), ("box", "jaw_a/right")}
     every = hold(arm, box, (), [("*", "box")]).scene.allowed_collisions
     assert every == {tuple(sorted(("box", name))) for name in arm.names}
+    some = hold(arm, box, (), [("wrist_*", "b*")]).scene.allowed_collisions
+    wrists = ("wrist_1_link", "wrist_2_link", "wrist_3_link")
+    assert some == {("box", name) for name in wrists}
+    with pytest.raises(InvalidObjectName, match="elbow_"):
+        hold(arm, box, (), [("elbow_*", "box")])
 
 
 def test_a_point_of_a_held_object_can_be_the_tip() -> None:
