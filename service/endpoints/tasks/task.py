@@ -14,7 +14,7 @@ from armwright_wire.plans import stages as stages_of
 from armwright_wire.plans.stages import SingleStage
 from armwright_wire.plans.task import TaskRequest
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption
+from kinematics.errors import ArmwrightError, InvalidOption
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
@@ -78,14 +78,28 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
     if not remaining > 0.0:
         return timed_out("the search began", "task")
     told = scene_notes(alone, around, [item.id for item in body.attached or ()])
-    asked: list[_Asked] = []
+    tried: list[tuple[SequencePlan | SequenceFailure, _Asked | ArmwrightError]] = []
 
     def attempt(flat: Flats, options: TaskOptions) -> SequencePlan | SequenceFailure:
         own = [one.stage for one in flat]
         robots = [*stage_robots(robot, own)]
-        made = translation.stages(body, own, robots, world.scene, start, options.timeout)
-        asked[:] = [_Asked(Task(world, start, made, body.seed), flat, body)]
-        return plan_task(asked[0].task, options)
+        try:
+            made = translation.stages(body, own, robots, world.scene, start, options.timeout)
+        except ArmwrightError as error:
+            k = error.details.get("index")
+            if k is None or flat[k].of is None:
+                raise
+            # What can't be gripped so may be in another order, or by another alternative.
+            failure = SequenceFailure(error.code, error.message, error.hint or "", k,
+                                      dict(error.details), (), reached=k)  # fmt: skip
+            tried.append((failure, error))
+            return failure
+        asked = _Asked(Task(world, start, made, body.seed), flat, body)
+        offered = replace(
+            options, offer=lambda found: current.offer(partial(written, found, asked))
+        )
+        tried.append((plan_task(asked.task, offered), asked))
+        return tried[-1][0]
 
     def written(found: SequencePlan, of: _Asked) -> bytes:
         answer = _answer(found, of) | poses.notes_of(body, told)
@@ -99,15 +113,17 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
 
     options = TaskOptions(
         remaining, body.improve, body.allow_partial, current.report,
-        lambda found: current.offer(partial(written, found, asked[0])),
-        problems.goal_costs(body.goal_costs),
+        goal_costs=problems.goal_costs(body.goal_costs),
     )  # fmt: skip
     outcome = plan_blocks(blocks(body.stages), options, attempt)
+    asked = next(asked for found, asked in tried if found is outcome)
+    if isinstance(asked, ArmwrightError):
+        raise asked
     if isinstance(outcome, SequenceFailure):
         return TaskProblem(
-            outcome.code, outcome.message, outcome.hint, _failure_details(asked[0].task, outcome)
+            outcome.code, outcome.message, outcome.hint, _failure_details(asked.task, outcome)
         )
-    return written(outcome, asked[0])
+    return written(outcome, asked)
 
 
 class _Asked(NamedTuple):

@@ -143,7 +143,7 @@ def test_blocks_of_grids_stacks_and_fallbacks() -> None:
     ]  # fmt: skip
     leave = [{"kind": "open"}, {"kind": "detach"}, {"kind": "retreat", "distance": [0.05, 0.1]}]
     stack = {"pose": {"position": [0.45, -0.3, 0.04]}, "step": [0, 0, 0.04]}
-    # The second stack stands: nothing can be put where nobody reaches.
+    # Nothing can be put where nobody reaches.
     far = {"pose": {"position": [2.5, -0.3, 0.04]}, "step": [0, 0, 0.04]}
     places = [{"kind": "place", "stack": one, "support": "bench"} for one in (far, stack)]
     body: dict[str, Any] = {
@@ -166,6 +166,27 @@ def test_blocks_of_grids_stacks_and_fallbacks() -> None:
         *pick, {"kind": "place", "grid": full, "support": "bench"}, *leave]}]  # fmt: skip
     with pytest.raises(ArmwrightError, match="all 2 places of the grid are taken"):
         plan_sequence(mounted(body), None, json.dumps(body).encode())
+
+
+def test_what_can_not_be_gripped_makes_way_for_another_alternative() -> None:
+    grasp = {"kind": "grasp", "object": "block", "touch_links": ["parallel_jaw"]}
+    wide, part = (
+        grasp | {"grasps": {"top": {}}},
+        grasp | {"object": "part_1", "grasps": {"top": {}}},
+    )
+    stages = [{"kind": "move"}, {"kind": "approach", "distance": [0.04, 0.08]}]
+    body = TASK | {"stages": [{"fallback": [[*stages, wide], [*stages, part]]}]}
+    answer = answer_of(plan_sequence, mounted(body), body, TaskAnswer)
+    assert {stage["item"] for stage in answer["stages"]} == {"alternative 1"}
+    body = TASK | {"stages": [{"fallback": [[*stages, wide], [*stages, wide]]}]}
+    with pytest.raises(ArmwrightError, match="no top grasp of 'block' was found"):
+        plan_sequence(mounted(body), None, json.dumps(body).encode())
+    far = {"kind": "move", "goal": {"pose": {"position": [3.0, 0.0, 0.3]}}}
+    short = {"kind": "move", "goal": {"joints": HOME}}
+    body = TASK | {"stages": [{"fallback": [[short, short, far], [far]]}]}
+    failed = problem_of(plan_sequence, mounted(body), body)
+    assert failed.details["index"] == 2
+    assert failed.details["stage"] == "stage 2 (move)"
 
 
 @pytest.mark.parametrize(
