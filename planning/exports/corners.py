@@ -11,6 +11,7 @@ at p.
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.model.branch import BodyTree
 from kinematics.model.chain import Chain
@@ -32,6 +33,19 @@ _FLANGE = "tool0"
 def blend_link(chain: Chain) -> str:
     """The link whose origin radii are about: the flange, or the tip where no link is called so."""
     return _FLANGE if _FLANGE in chain.index else chain.tip_link
+
+
+def check_flange(chain: Chain) -> None:
+    """Refuse radii of a robot of which nothing says where controllers have the flange.
+
+    Raises:
+        InvalidOption: It has no link of that name.
+    """
+    if _FLANGE not in chain.index:
+        raise InvalidOption(
+            f"blend: radii are about the flange, and robot {chain.name!r} has no link {_FLANGE!r}",
+            hint=f"Call the frame of its flange {_FLANGE!r}, leave blend out, or choose krl.",
+        )
 
 
 def fitted_corners(

@@ -15,7 +15,7 @@ from kinematics.trajectory.trajectory import Trajectory, concatenate
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.exports import formats
-from planning.exports.corners import fitted_corners, lever_arms
+from planning.exports.corners import check_flange, fitted_corners, lever_arms
 from planning.exports.languages import Krl, Language, Rapid, URScript, WrittenMotion
 from planning.exports.options import ExportFormat, ExportOptions, Rule
 from planning.exports.points import ExportPoints, export_points
@@ -135,8 +135,8 @@ def export(
             "time".
 
     Raises:
-        InvalidOption: The robot or the number of points does not fit the format; or the motion was
-            proved for another robot, scene or load.
+        InvalidOption: The robot or the number of points does not fit the format, nothing says where
+            the flange of a blend is; or the motion was proved for another robot, scene or load.
     """
     formats.check_axes(robot.chain, options.format)
     if premises is not None and not different_scene:
@@ -171,9 +171,14 @@ def prove_run(
         parts: Motions that follow each other without a stop, each with its surroundings.
         options: Format, points and program.
         deadline: Time at which to give up the proof.
+
+    Raises:
+        InvalidOption: There are too many points, or a blend and no flange.
     """
     whole = parts[0][0] if len(parts) == 1 else concatenate([motion for motion, _ in parts])
     chain = parts[0][1].robot.chain
+    if options.blend and options.format != ExportFormat.KRL:
+        check_flange(chain)
     points, motion = _within_limits(whole, chain.limits, options)
     # Cubics pass points at which the acceleration jumps: what jerk they make is reported.
     limits = MotionLimits(holds_jerk=points.rule == Rule.QUINTIC)

@@ -298,6 +298,7 @@ def test_joints_within_the_tolerance_touch_nothing() -> None:
         ("scara", {"format": ExportFormat.KRL}, "slides"),
         ("ur5e", {"format": ExportFormat.CSV, "blend": 1.0}, "blend"),
         ("ur5e", {"format": ExportFormat.RAPID, "interpolation": "cubic"}, "has its own"),
+        ("puma560", {"format": ExportFormat.RAPID, "blend": 0.1}, "no link 'tool0'"),
         ("ur5e", {"format": ExportFormat.CSV, "interpolation": "spline"}, "there is no"),
         ("ur5e", {"format": ExportFormat.KRL, "name": "a b"}, "no name of a program"),
         ("ur5e", {"format": ExportFormat.CSV, "sample_period": 1e-6}, "more than"),
