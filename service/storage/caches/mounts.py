@@ -31,7 +31,7 @@ def mount_of(asked: Asked, stored: Callable[[str], bytes]) -> Mount | None:
         stored: Finds the document of a stored tool by its name.
 
     Raises:
-        InvalidOption: A tip is named and no tool.
+        InvalidOption: A tip is named and no tool, or two tools have one name.
         InvalidObjectName: The tip is that of an object which is not attached.
     """
     tool, tcp = _field(asked, "tool"), _field(asked, "tcp")
@@ -39,11 +39,20 @@ def mount_of(asked: Asked, stored: Callable[[str], bytes]) -> Mount | None:
     def found(tool: Any) -> bytes:
         return (builtin_tool(tool) or stored(tool)) if isinstance(tool, str) else _packed(tool)
 
-    named = {_name_of(one): found(one) for one in stage_tools(_field(asked, "stages"))}
+    named: dict[str, bytes] = {}
+    later = [*stage_tools(_field(asked, "stages"))]
+    for one in later if tool is None else [tool, *later]:
+        content = found(one)
+        if named.setdefault(_name_of(one), content) != content:
+            raise InvalidOption(
+                f"tool: two different ones are called {_name_of(one)!r}",
+                hint="Give each tool a name of its own.",
+            )
+    others = tuple((name, named[name]) for name in sorted({_name_of(one) for one in later}))
     margins = _field(asked, "margins")
     links = tuple(sorted((_field(margins, "links") or {}).items()))
-    more = tuple(sorted(named.items())), links, _field(margins, "own") or 0.0
-    document = None if tool is None else found(tool)
+    more = others, links, _field(margins, "own") or 0.0
+    document = None if tool is None else named[_name_of(tool)]
     if tool is None and tcp is None:
         return Mount(None, None, None, *more) if any(more) else None
     if tcp is None or isinstance(tcp, str):

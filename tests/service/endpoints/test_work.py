@@ -222,6 +222,18 @@ def test_margins_of_links_hold_for_each_stage_and_for_its_program() -> None:
     assert program("POST /v1/tasks", body, answer, format="csv")["proved"]
 
 
+def test_two_tools_of_one_name_are_refused_and_a_tool_may_come_back() -> None:
+    mill = {"name": "mill", "form": {"type": "spindle"}}
+    stages = [{"kind": "wait", "duration": 0.1, "tool": name} for name in ("spindle", mill)]
+    back = [*stages, {"kind": "wait", "duration": 0.1, "tool": "parallel_jaw"}]
+    answer = solved(stages=back)[1]
+    tips = [stage["certificate"]["premises"]["tool"] for stage in answer["stages"]]
+    assert tips == ["spindle/tip", "mill/tip", "parallel_jaw/tip"]
+    other = {"name": "mill", "form": {"type": "torch"}}
+    with pytest.raises(InvalidOption, match="two different ones are called 'mill'"):
+        mounted(TASK | {"stages": [*stages, {"kind": "wait", "duration": 0.1, "tool": other}]})
+
+
 def test_kept_requests_hold_the_tools_of_their_stages() -> None:
     document = json.dumps({"name": "mill", "form": {"type": "spindle"}}).encode()
     stages = [{"kind": "wait", "duration": 1.0, "tool": "mill"}]
