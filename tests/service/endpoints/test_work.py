@@ -170,10 +170,8 @@ def test_blocks_of_grids_stacks_and_fallbacks() -> None:
 
 def test_what_can_not_be_gripped_makes_way_for_another_alternative() -> None:
     grasp = {"kind": "grasp", "object": "block", "touch_links": ["parallel_jaw"]}
-    wide, part = (
-        grasp | {"grasps": {"top": {}}},
-        grasp | {"object": "part_1", "grasps": {"top": {}}},
-    )
+    wide: dict[str, Any] = grasp | {"grasps": {"top": {}}}
+    part = wide | {"object": "part_1"}
     stages = [{"kind": "move"}, {"kind": "approach", "distance": [0.04, 0.08]}]
     body = TASK | {"stages": [{"fallback": [[*stages, wide], [*stages, part]]}]}
     answer = answer_of(plan_sequence, mounted(body), body, TaskAnswer)
