@@ -33,11 +33,11 @@ from planning.exports.export import export as export
 from planning.exports.options import Event as Event
 from planning.exports.options import ExportFormat as ExportFormat
 from planning.exports.options import ExportOptions as ExportOptions
-from planning.exports.recording import record as record
 from planning.exports.program import Program as Program
 from planning.exports.program import ProgramPart as ProgramPart
 from planning.exports.program import export_program as export_program
 from planning.exports.program import program_parts as program_parts
+from planning.exports.recording import record as record
 from planning.exports.swept_volume import SweptVolume as SweptVolume
 from planning.exports.swept_volume import swept_volume as swept_volume
 from planning.guard.gate import Guard as Guard
