@@ -35,6 +35,7 @@ class ToolMotionOptions:
         blend: Distance from its end at which the tool may leave it for the next one [m]; None for
             that of all motions.
         T_base_start: Where it begins, shape (4, 4); None for the end of the one before.
+        longer: Whether the tool turns the longer way round.
     """
 
     kind: Literal["lin", "circ"]
@@ -44,6 +45,7 @@ class ToolMotionOptions:
     normal: Sequence[float] | None = None
     blend: float | None = None
     T_base_start: Array | None = None
+    longer: bool = False
 
     def __post_init__(self) -> None:
         if self.kind == "lin" and not (self.via is self.center is self.normal is None):

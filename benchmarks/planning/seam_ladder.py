@@ -1,15 +1,15 @@
-"""Seams of four kinds of work, followed by four arms and held against a simple ladder.
+"""Seams of six kinds of work, followed by four arms and held against a simple ladder.
 
     python -m benchmarks.planning.seam_ladder [--arms ur5e panda kr6_sixx iiwa14] [--rounds 3]
-        [--kinds spiral raster sphere edge posed] [--only NUMBER]
+        [--kinds spiral raster sphere edge posed program] [--first NUMBER] [--posts]
 
 Each seam is a list of points with the surface's normal (free spin; rasters and edges with a tilt),
 or of full poses. The ladder is the judge of what is possible: of each point twelve spins of the
-free axis by all branches of inverse kinematics (twelve values of a redundant arm's parameter too),
-those inside the limits and free; dynamic programming over the points joins configurations of which
-no joint is farther apart than half a radian, whole turns of joints with two of them left out. A
-seam that the ladder follows and the planner does not is a loss. A motion that is answered is judged
-by pinocchio and python-fcl at dense instants.
+free axis by all branches of inverse kinematics (and 24 values of a redundant parameter), those
+inside the limits and free; dynamic programming over the points joins configurations of which no
+joint is farther apart than half a radian, whole turns of joints with two of them left out. A seam
+that the ladder follows and the planner does not is a loss. A motion that is answered is judged by
+pinocchio and python-fcl at dense instants.
 """
 
 import argparse
@@ -19,21 +19,23 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.planning.seams import STARTS, judge, load
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.ik.closed_form.analytic import branches
+from kinematics.ik.closed_form.structure import structure
 from kinematics.pose import from_axis_angle, from_rpy, transform
 from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry
-from obstacles.scenes.scene import Scene
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Cylinder
 from planning.options import CartesianOptions, Options
 from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
 
-KINDS = ("spiral", "raster", "sphere", "edge", "posed")
+KINDS = ("spiral", "raster", "sphere", "edge", "posed", "program")
 ARMS = ("ur5e", "panda", "kr6_sixx", "iiwa14")
-#: Spins of the ladder, and values of a redundant arm's parameter.
+#: Spins of the ladder, and half as many as values of a redundant arm's parameter.
 SPINS = 12
 #: Largest step of a joint on the ladder [rad].
 STEP = 0.5
@@ -67,17 +69,17 @@ def points_of(kind: str, random: np.random.Generator) -> tuple[Array, Array]:
         angle = 2.0 * np.pi * turns * s
         points = np.column_stack([radius * s * np.cos(angle), radius * s * np.sin(angle), 0.0 * s])
         return points, np.tile([0.0, 0.0, 1.0], (len(s), 1))
+    rows: list[Array] = []
+    outs: list[Array] = []
     if kind == "raster":
-        rows, width, height = 5, random.uniform(0.2, 0.4), random.uniform(0.1, 0.25)
+        width, height = random.uniform(0.2, 0.4), random.uniform(0.1, 0.25)
         bend = random.uniform(-1.0, 1.0)
-        points, normals = [], []
-        for row in range(rows):
-            y = (row / (rows - 1) - 0.5) * height
+        for row in range(5):
+            y = (0.25 * row - 0.5) * height
             for x in np.linspace(-0.5, 0.5, 24)[:: 1 if row % 2 == 0 else -1] * width:
-                points.append([x, y, 0.5 * bend * x * x])
-                normals.append([-bend * x, 0.0, 1.0])
-        normals_of = np.array(normals)
-        return np.array(points), normals_of / np.linalg.norm(normals_of, axis=1)[:, None]
+                rows.append(np.array([x, y, 0.5 * bend * x * x]))
+                outs.append(np.array([-bend * x, 0.0, 1.0]) / np.hypot(1.0, bend * x))
+        return np.array(rows), np.array(outs)
     if kind == "sphere":
         radius, reach = random.uniform(0.1, 0.2), random.uniform(0.5, 1.2)
         s = np.linspace(0.0, 1.0, 120)
@@ -87,15 +89,15 @@ def points_of(kind: str, random: np.random.Generator) -> tuple[Array, Array]:
     if kind == "edge":
         size = random.uniform(0.08, 0.2, 2)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.5 * size
-        points, normals = [], []
         for k in range(3 + int(random.integers(2))):
-            a, b = corners[k % 4], corners[(k + 1) % 4]
-            out = np.array([(b - a)[1], -(b - a)[0], 0.0]) / np.linalg.norm(b - a)
-            for s in np.linspace(0.02, 0.98, 16):
-                points.append([*(a + s * (b - a)), 0.0])
-                normals.append(np.add(out, [0.0, 0.0, 1.0]) / np.sqrt(2.0))
-        return np.array(points), np.array(normals)
-    s = np.linspace(-0.5, 0.5, 40)
+            first, last = corners[k % 4], corners[(k + 1) % 4]
+            way = last - first
+            out = np.array([way[1], -way[0], 0.0]) / np.linalg.norm(way)
+            for share in np.linspace(0.02, 0.98, 16):
+                rows.append(np.append(first + share * way, 0.0))
+                outs.append((out + np.array([0.0, 0.0, 1.0])) / np.sqrt(2.0))
+        return np.array(rows), np.array(outs)
+    s = np.linspace(-0.5, 0.5, 437 if kind == "program" else 40)
     points = np.column_stack([0.1 * np.sin(3.0 * s), random.uniform(0.2, 0.5) * s, 0.0 * s])
     return points, np.tile([0.0, 0.0, 1.0], (len(s), 1))
 
@@ -108,21 +110,28 @@ def work(arm: str, kind: str, number: int) -> Work:
     out = from_axis_angle([0.0, 0.0, 1.0], random.uniform(-1.2, 1.2))
     place = out @ [random.uniform(0.38, 0.6), 0.0, random.uniform(0.05, 0.4)]
     points, normals = points @ R.T + place, normals @ R.T
-    spins = kind != "posed"
+    spins = kind not in {"posed", "program"}
     tilt = {"raster": np.radians(15.0), "edge": np.radians(10.0)}.get(kind)
     tolerance = ToolTolerance.of({}, ("rz",) if spins else (), tilt)
+    along = points[-1] - points[0]
+    poses = np.array([_pose(p, n, along) for p, n in zip(points, normals, strict=True)])
+    if kind == "program":
+        poses = held(poses, poses[len(poses) // 2])
+    waypoints = tuple(SeamWaypoint(T, axis_only=spins) for T in poses)
     return Work(
-        f"{arm} {kind} {number}",
-        SeamOptions(
-            tuple(
-                SeamWaypoint(_pose(p, n, points[-1] - points[0]), axis_only=spins)
-                for p, n in zip(points, normals, strict=True)
-            ),
-            tolerance,
-            tool_speed=SPEED,
-        ),
-        spins,
+        f"{arm} {kind} {number}", SeamOptions(waypoints, tolerance, tool_speed=SPEED), spins
     )
+
+
+def held(poses: Array, T_tool: Array) -> Array:
+    """Poses of the tip that holds the work of which a standing tool is to have poses (k, 4, 4).
+
+    The work is turned as it goes along, by half a radian to either side.
+    """
+    swing = np.sin(np.linspace(0.0, 2.0 * np.pi, len(poses)))
+    turns = np.array([transform(from_rpy([0.3 * a, 0.2 * a, 0.5 * a])) for a in swing])
+    in_work = np.linalg.inv(poses[len(poses) // 2]) @ poses @ turns
+    return np.asarray(T_tool @ np.linalg.inv(in_work))
 
 
 def _pose(point: Array, out: Array, along: Array) -> Array:
@@ -137,7 +146,13 @@ def ladder(checker: Checker, seam: SeamOptions, start: Array, *, spins: bool) ->
     chain = checker.model.chain
     angles = np.arange(SPINS) * 2.0 * np.pi / SPINS if spins else np.zeros(1)
     turns = np.array([transform(from_axis_angle([0.0, 0.0, 1.0], a)) for a in angles])
-    parameters = np.arange(SPINS) * 2.0 * np.pi / SPINS if chain.n > 6 else None
+    form, parameters = structure(chain), None
+    assert form is not None
+    if form.locked is not None:
+        low, high = chain.sampling_bounds()
+        parameters = np.linspace(low[form.locked], high[form.locked], 2 * SPINS)
+    elif form.redundant:
+        parameters = np.arange(2 * SPINS) * np.pi / SPINS
     lower, upper = chain.limits.lower, chain.limits.upper
     wide = upper - lower >= 4.0 * np.pi - 1.0
     before: Array | None = None
@@ -159,7 +174,7 @@ def ladder(checker: Checker, seam: SeamOptions, start: Array, *, spins: bool) ->
     return True
 
 
-def _with_turns(joints: Array, lower: Array, upper: Array, columns: Array) -> Array:
+def _with_turns(joints: Array, lower: Array, upper: Array, columns: Indices) -> Array:
     """Configurations with the whole turns of some joints that their limits hold."""
     for j in columns:
         more = [joints]
@@ -171,9 +186,26 @@ def _with_turns(joints: Array, lower: Array, upper: Array, columns: Array) -> Ar
     return joints
 
 
-def ask(robot: RobotGeometry, seam: SeamOptions, start: Array) -> Problem:
+def ask(
+    robot: RobotGeometry, seam: SeamOptions, start: Array, scene: Scene | None = None
+) -> Problem:
     """The problem of following a seam."""
-    return Problem(robot, Scene(()), start, (PoseGoal(seam.waypoints[-1].T_base_tip),))
+    goal = PoseGoal(seam.waypoints[-1].T_base_tip)
+    return Problem(robot, scene or Scene(()), start, (goal,))
+
+
+def around(seam: SeamOptions, *, posts: bool) -> Scene:
+    """Two posts beside the work, 15 cm apart from its middle; nothing without posts."""
+    middle = np.mean([point.T_base_tip[:3, 3] for point in seam.waypoints], axis=0)
+    out = middle[:2] / np.linalg.norm(middle[:2])
+    aside = 0.15 * np.array([-out[1], out[0], 0.0])
+    return Scene(
+        tuple(
+            Obstacle(name, Cylinder(0.02, 1.0), transform(None, middle + side * aside))
+            for name, side in (("left", 1.6), ("right", -1.6))
+            if posts
+        )
+    )
 
 
 def main() -> None:
@@ -183,6 +215,7 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--posts", action="store_true", help="two posts stand beside the work")
     chosen = parser.parse_args()
     times, followed, losses, unclean, total = [], 0, [], 0, 0
     for name in chosen.arms:
@@ -191,23 +224,24 @@ def main() -> None:
         for kind in chosen.kinds:
             for number in range(chosen.first, chosen.first + chosen.rounds):
                 one = work(name, kind, number)
+                scene = around(one.seam, posts=chosen.posts)
                 how = CartesianOptions(seam=one.seam)
                 began = time.process_time()
                 answer = plan(
-                    ask(arm.robot, one.seam, start),
+                    ask(arm.robot, one.seam, start, scene),
                     Options(planner="cartesian", cartesian=how, timeout=20.0),
                 )
                 times.append(time.process_time() - began)
                 total += 1
                 if isinstance(answer, Plan):
-                    verdict = judge(arm, Scene(()), one.seam.waypoints, answer)
+                    verdict = judge(arm, scene, one.seam.waypoints, answer)
                     unclean += verdict.away > 1.2e-4 or verdict.collides
                     followed += 1
                     words = f"{answer.trajectory.duration:.2f} s"
                 else:
                     words = f"{answer.details.get('reason', answer.code)}: {answer.message}"[:150]
                     began = time.process_time()
-                    checker = Checker.of(arm.robot, Scene(()))
+                    checker = Checker.of(arm.robot, scene)
                     if ladder(checker, one.seam, start, spins=one.spins):
                         losses.append(one.name)
                         words = f"LOST, {words}"

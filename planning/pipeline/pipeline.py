@@ -34,7 +34,7 @@ from planning.pipeline.optimize_stage import (
     refinement_options,
 )
 from planning.pipeline.path_search import FoundPath, PathSearch
-from planning.pipeline.planners import choose_fallback, choose_planners
+from planning.pipeline.planners import choose_fallback, choose_planners, with_reserve
 from planning.pipeline.stoppable import Stoppable, surroundings, with_stops
 from planning.planner import Planner
 from planning.preflight.goals import pose_goals
@@ -249,7 +249,12 @@ class _Pipeline:
     def _plan_from(self, ready: Ready, options: Options) -> Plan | Failure:
         """Run the stages after preflight, with the fallback where the planners come to nothing."""
         if not self.fallback:
-            return self._plan_by(self.planners, ready, options)
+            answer = self._plan_by(self.planners, ready, options)
+            reserved = with_reserve(self.planners)
+            if isinstance(answer, Plan) or answer.code != "INVALID_MOTION_PLAN" or not reserved:
+                return answer
+            other = self._plan_by(reserved, ready, options)
+            return other if isinstance(other, Plan) else answer
         # The fallback has as much time as the planners before it at least.
         until = self.deadline.within(0.5 * self.deadline.remaining)
         answer = replace(self, deadline=until)._plan_by(self.planners, ready, options)

@@ -204,7 +204,9 @@ def part_of(motion: ToolMotion, begin: float, end: float) -> ToolMotion:
     T_begin = motion.T_start if begin == 0.0 else motion.pose(begin)
     T_end = motion.T_end if end == 1.0 else motion.pose(end)
     sweep = motion.sweep * (end - begin)
-    return ToolMotion(motion.kind, T_begin, T_end, motion.center, motion.normal, sweep)
+    # What is left of a longer rotation may be the shorter one.
+    longer = motion.longer and (end - begin) * motion.angle > math.pi
+    return ToolMotion(motion.kind, T_begin, T_end, motion.center, motion.normal, sweep, longer)
 
 
 @cache

@@ -3,7 +3,7 @@
 A line takes the tool's origin from p_0 to p_1, an arc turns it about an axis by an angle, both at a
 place s from 0 to 1 that is proportional to the length. Orientation turns about one axis that keeps
 still, by an angle proportional to s (slerp): R(s) = exp(s theta [a]) R_0 with theta a the rotation
-vector of R_1 R_0^T, the shorter way round.
+vector of R_1 R_0^T, the shorter way round unless the longer one is asked for.
 """
 
 import math
@@ -38,6 +38,7 @@ class ToolMotion:
         center: Center of an arc, shape (3,) [m].
         normal: Axis that an arc turns about, by the right hand, of length 1, shape (3,).
         sweep: Angle of an arc [rad], positive.
+        longer: Whether the tool turns the longer way round.
     """
 
     kind: Kind
@@ -46,6 +47,7 @@ class ToolMotion:
     center: Array
     normal: Array
     sweep: float
+    longer: bool = False
 
     def __post_init__(self) -> None:
         for name in ("T_start", "T_end", "center", "normal"):
@@ -68,7 +70,8 @@ class ToolMotion:
     @property
     def turn(self) -> Array:
         """Rotation vector theta a of the whole motion, shape (3,) [rad]."""
-        return np.asarray(rotation_error(self.T_start[:3, :3], self.T_end[:3, :3]))
+        turn = np.asarray(rotation_error(self.T_start[:3, :3], self.T_end[:3, :3]))
+        return turn * (1.0 - 2.0 * math.pi / np.linalg.norm(turn)) if self.longer else turn
 
     @property
     def angle(self) -> float:

@@ -183,10 +183,13 @@ class Tolerances:
     Args:
         position: Largest deviation of the origin [m].
         orientation: Largest deviation of the orientation [rad]; None where that is free.
+        share: Part of both that joint paths use at samples: the rest is left to what lies between
+            them, and to the bounds of the proof.
     """
 
     position: float
     orientation: float | None
+    share: float = 0.9
 
     @property
     def pair(self) -> tuple[float, float]:

@@ -226,6 +226,7 @@ class SeamOptions:
         retreat: Motion that begins at its end; None for none.
         branch_changes: Motion away from a waypoint after which the arm may come back in another
             branch; None where the whole seam is to be followed in one.
+        through: Lines between waypoints, or arcs through the middles of a cubic spline.
 
     Raises:
         InvalidOption: There are too few waypoints, a speed is out of its range, or some ways have
@@ -239,6 +240,7 @@ class SeamOptions:
     approach: StraightOffset | None = None
     retreat: StraightOffset | None = None
     branch_changes: StraightOffset | None = None
+    through: Literal["polyline", "spline"] = "polyline"
 
     def __post_init__(self) -> None:
         if len(self.waypoints) < 2:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -177,12 +177,20 @@ def tool_motion(
     start_rounding = rounding(T[:3, 3]) if written else 0.0
     try:
         if item.kind == "lin":
-            return line(T, end)
-        if item.via is not None:
-            return arc_via(T, end, item.via)
-        assert item.center is not None
-        arc = WrittenArc(T, end, np.array(item.center), item.normal, start_rounding)
-        return arc.motion(max_deviation)
+            motion = line(T, end)
+        elif item.via is not None:
+            motion = arc_via(T, end, item.via)
+        else:
+            assert item.center is not None
+            arc = WrittenArc(T, end, np.array(item.center), item.normal, start_rounding)
+            motion = arc.motion(max_deviation)
+        # Angle below which a rotation has no axis [rad].
+        if item.longer and motion.angle < 1e-6:
+            raise InvalidGoal(
+                "the tool does not turn, so that no rotation is the longer one",
+                hint="Give the axis by a motion of half a turn, and another one.",
+            )
+        return replace(motion, longer=item.longer)
     except InvalidGoal as error:
         raise InvalidGoal(
             f"motions[{index}]: {error.message}", hint=error.hint, motion=index, **error.details

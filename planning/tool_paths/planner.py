@@ -35,9 +35,11 @@ class Cartesian:
 
     Args:
         options: The motions, and how far the tool may be off them.
+        share: Part of these deviations that the search uses; the rest is a reserve for the proof.
     """
 
     options: CartesianOptions
+    share: float = 0.9
     name: ClassVar[str] = "cartesian"
     needs_goals: ClassVar[bool] = False
 
@@ -68,7 +70,7 @@ class Cartesian:
         """Tolerances of the tool's deviation from its motions."""
         free = self.options.orientation == "free"
         orientation = None if free else self.options.max_orientation_deviation
-        return Tolerances(self.options.max_deviation, orientation)
+        return Tolerances(self.options.max_deviation, orientation, self.share)
 
     def plan(self, query: Query) -> Attempt:
         """Lead the tool along the motions that are asked for, or straight to the goal.

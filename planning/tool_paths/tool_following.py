@@ -157,8 +157,9 @@ def follow_through(
     """
     places, joints = knots
     following = _Following(chain, run, (places.tolist(), list(joints)), tolerances, deadline)
+    following.grade()
     # Times that places are put where the spline leaves the tolerance.
-    return following.spline(None, rounds=7)
+    return following.spline(None, rounds=10)
 
 
 class _Following:
@@ -204,6 +205,24 @@ class _Following:
                 step /= 2.0
         return None
 
+    def grade(self) -> None:
+        """Insert configurations until neighbouring pieces differ little in length.
+
+        A spline swings in a long piece beside short ones.
+        """
+        # Rounds of halving.
+        for _ in range(10):
+            lengths = np.diff(self.places)
+            # Largest ratio of the lengths of neighbouring pieces.
+            long = np.flatnonzero(lengths > 3.0 * scipy.ndimage.minimum_filter1d(lengths, 3, mode="nearest"))
+            places, joints = np.array(self.places), np.array(self.joints)
+            at = 0.5 * (places[long] + places[long + 1])
+            q, solved = self._solve(at, 0.5 * (joints[long] + joints[long + 1]))
+            if not solved.any():
+                return
+            self.places = np.insert(places, long[solved] + 1, at[solved]).tolist()
+            self.joints = list(np.insert(joints, long[solved] + 1, q[solved], axis=0))
+
     def spline(self, stop: Stop | None, rounds: int | None = None) -> ToolSegment:
         """The spline through the configurations, with more of them where it leaves the tolerance.
 
@@ -211,7 +230,7 @@ class _Following:
             stop: Why the configurations end before the motion does, if they do.
             rounds: Times that configurations are put in between at most; None for no end.
         """
-        start = self.joints[0]
+        start, reach = self.joints[0], 1
         while True:
             places, joints = self.places, self.joints
             if len(places) < 2 or not np.ptp(joints, axis=0).any():
@@ -223,7 +242,10 @@ class _Following:
                 return ToolSegment(path, start, joints[-1], places[-1], stop)
             if rounds == 0:
                 return ToolSegment(path, start, joints[-1], 1.0, Stop(1.0, "deviation", _SHARP, {}))
-            rounds = None if rounds is None else rounds - 1
+            if rounds is not None:
+                # Where pieces of different lengths meet the spline rings: farther off each time.
+                wide = _beside(wide, len(path.lengths), reach)
+                rounds, reach = rounds - 1, 2 * reach
             stop = self.insert(path, wide) or stop
 
     def _find_usual_steps(self) -> list[float]:
@@ -243,7 +265,7 @@ class _Following:
         ]
 
     def _solve(
-        self, places: Sequence[float], seeds: Array, limits: tuple[Array, ...] = ()
+        self, places: Sequence[float] | Array, seeds: Array, limits: tuple[Array, ...] = ()
     ) -> tuple[Array, NDArray[np.bool_]]:
         """Configurations at places (k,) nearest to seeds (k, n), at a limit only if need be.
 
@@ -274,24 +296,18 @@ class _Following:
     def deviating_pieces(self, path: JointPath) -> list[int]:
         """Pieces on which the tool is off its motion, or a joint beyond its limit."""
         chain, breaks = self._chain, path.breaks
-        # Part of the deviation allowed that is used: the rest is left to what lies between samples
-        # and, in a box, to the bounds of the proof.
-        share = 0.85 if self._run.tolerances else 0.9
         position, orientation = self._tolerances.pair
+        share = self._tolerances.share
         allowed = (share * position, share * orientation)
         fine = pieces_within(
             chain, self._run, np.array(self.places), breaks, path.coefficients, allowed
         )
         low, high = Trajectory(chain.joint_names, breaks, path.coefficients).piece_extrema()
         wide = np.any((low < chain.limits.lower) | (high > chain.limits.upper), axis=1) | ~fine
-        if self._run.tolerances:
-            # At a corner of the path both sides need short pieces, or the spline rings.
-            wide[1:] |= wide[:-1].copy()
-            wide[:-1] |= wide[1:].copy()
         return [int(i) for i in np.flatnonzero(wide)]
 
     def insert(self, path: JointPath, wide: list[int]) -> Stop | None:
-        """Insert a configuration in the middle of these pieces; the stop, where that fails.
+        """Insert a configuration inside each of these pieces; the stop, where that fails.
 
         Where it fails, the configurations after that place are dropped.
         """
@@ -351,6 +367,13 @@ class _Following:
         if (limits[0] <= beyond[0]).all() and (beyond[0] <= limits[1]).all():
             return None
         return at_limit(self._chain, beyond[0])
+
+
+def _beside(chosen: list[int], count: int, reach: int) -> list[int]:
+    """Numbers below a count that are chosen, or at most so far from one that is."""
+    near = np.zeros(count, dtype=np.bool_)
+    near[chosen] = True
+    return [int(k) for k in np.flatnonzero(scipy.ndimage.maximum_filter1d(near, 2 * reach + 1))]
 
 
 def _spline(places: Array, joints: Array) -> JointPath:

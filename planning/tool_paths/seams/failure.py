@@ -1,8 +1,9 @@
 """Reasons why a seam can't be followed: where, by how much, and which tolerance would help."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -30,8 +31,6 @@ from planning.tool_paths.seams.search import SeamGraph, SeamSearch
 
 #: Name of the planner.
 _NAME = "cartesian"
-#: Tilts that are tried [rad].
-_TILTS = tuple(math.radians(angle) for angle in (5.0, 15.0, 30.0, 45.0))
 
 _BEND_HINT = (
     "Allow a larger max_deviation, give the waypoints a blend, or lead the path through arcs (via) "
@@ -238,37 +237,55 @@ def _discontinuous(search: SeamSearch, graph: SeamGraph, layer: int) -> Cause:
     )
 
 
+def least_that(suffices: Callable[[float], bool], most: float, least: float) -> float | None:
+    """The least of some sizes that suffices, to a fifth; None where the largest does not.
+
+    Args:
+        suffices: Whether a size does; larger ones do if it does.
+        most: Largest size.
+        least: Least size that is told.
+    """
+    if not suffices(most):
+        return None
+    while most > 1.2 * least:
+        middle = math.sqrt(most * least)
+        most, least = (middle, least) if suffices(middle) else (most, middle)
+    # Rounded up, so that it suffices as it is told.
+    digits = 2 - math.floor(math.log10(most))
+    return math.ceil(most * 10.0**digits) / 10.0**digits
+
+
 def _helpful_tolerances(search: SeamSearch) -> Iterator[dict[str, Any]]:
-    """Wider tolerances with which the seam has a way, the least of each kind."""
+    """Wider tolerances with which the seam has a way, the least of each kind, about."""
     # Share of the time that is left which is spent on tolerances that would help.
     # Time that is spent on that at most [s].
     deadline = search.deadline.within(min(0.5 * search.deadline.remaining, 3.0))
-    # Ranges of position that are tried, on either side [m].
-    positions = (0.005, 0.02)
-    kinds = (
-        [({"free": ["rz"]}, _with_free_spin)],
-        [({"tilt": tilt}, lambda t, tilt=tilt: _with_tilt(t, tilt)) for tilt in _TILTS],
-        [({"position": size}, lambda t, size=size: _with_position(t, size)) for size in positions],
-    )
-    for kind in kinds:
-        for change, widen in kind:
-            if deadline.passed:
-                return
-            wide = {id(t): widen(t) for t in set(search.places.tolerances)}
-            if all(wide[id(t)] is t for t in search.places.tolerances):
-                continue
-            tolerances = tuple(wide[id(t)] for t in search.places.tolerances)
-            places = replace(search.places, tolerances=tolerances)
-            if replace(search, places=places, deadline=deadline).run().joints is not None:
-                yield change
-                break
+
+    def suffices(widen: Callable[[ToolTolerance, float], ToolTolerance], size: float) -> bool:
+        wide = {t: widen(t, size) for t in set(search.places.tolerances)}
+        if deadline.passed or all(wide[t] is t for t in wide):
+            return False
+        places = replace(search.places, tolerances=tuple(wide[t] for t in search.places.tolerances))
+        return replace(search, places=places, deadline=deadline).run().joints is not None
+
+    # Sizes that are tried: half a turn, 45 degrees and 50 mm to either side at most.
+    spin = least_that(partial(suffices, _with_spin), math.pi, 0.05)
+    if spin is not None:
+        yield {"free": ["rz"]} if spin >= math.pi else {"rz": [-spin, spin]}
+    tilt = least_that(partial(suffices, _with_tilt), math.radians(45.0), 0.02)
+    if tilt is not None:
+        yield {"tilt": tilt}
+    position = least_that(partial(suffices, _with_position), 0.05, 0.001)
+    if position is not None:
+        yield {"position": position}
 
 
-def _with_free_spin(tolerance: ToolTolerance) -> ToolTolerance:
+def _with_spin(tolerance: ToolTolerance, size: float) -> ToolTolerance:
     lower, upper = tolerance.lower.copy(), tolerance.upper.copy()
-    if not np.isfinite(lower[RZ]):
+    if not max(-lower[RZ], upper[RZ]) < size:
         return tolerance
-    lower[RZ], upper[RZ] = -np.inf, np.inf
+    reach = size if size < math.pi else np.inf
+    lower[RZ], upper[RZ] = -reach, reach
     return replace(tolerance, lower=lower, upper=upper)
 
 

@@ -106,8 +106,9 @@ def _knots(places: SeamPlaces, first: int, last: int) -> NDArray[np.int64]:
     """Indices of the places that the spline of a run goes through at first."""
     chosen = [first]
     # Way between two knots of a spline, where places are nearer together [m].
-    # Turn of the path between two knots, likewise [rad].
-    measure = np.maximum(places.along / 0.02, places.turned / 0.12)
+    # Turn of the tool between two knots, likewise [rad].
+    # Bend of the path between two knots, likewise [rad].
+    measure = np.max([places.along / 0.02, places.turned / 0.12, places.bent / 0.1], axis=0)
     for k in range(first + 1, last):
         if measure[k + 1] - measure[chosen[-1]] > 1.0:
             chosen.append(k)
@@ -128,7 +129,7 @@ def with_fewer_ranges(places: SeamPlaces, position: float) -> Iterator[SeamPlace
     lower = np.array([tolerance.lower[:RX] for tolerance in places.tolerances])
     upper = np.array([tolerance.upper[:RX] for tolerance in places.tolerances])
     ranged = (upper > lower).any(axis=0)
-    along = np.abs(np.einsum("kji,kj->ki", _axes(places), _directions(places)))
+    along = np.abs(np.einsum("kji,kj->ki", _axes(places), places.directions))
     largest = np.maximum(np.abs(lower), np.abs(upper))
     # Part of the deviation allowed that a range may have along the path and count as across it.
     across = (along * largest).max(axis=0) <= 0.25 * position
@@ -148,12 +149,6 @@ def _axes(places: SeamPlaces) -> Array:
             for T, tolerance in zip(places.nominal, places.tolerances, strict=True)
         ]
     )
-
-
-def _directions(places: SeamPlaces) -> Array:
-    """Direction of the path at each place, shape (k, 3)."""
-    located = [places.runs[run].locate(s) for run, s in zip(places.run, places.s, strict=True)]
-    return np.array([motion.direction(at) for motion, at in located])
 
 
 def _exact(places: SeamPlaces, columns: Array) -> SeamPlaces:

@@ -42,6 +42,8 @@ class Density(NamedTuple):
 COARSE = Density(250, 12, 5)
 #: More of them, for seams on which few of them are free or are not far enough apart.
 DENSE = Density(1000, 24, 5)
+#: As many values of a parameter of all places, thinned out for the sake of time.
+FINE = Density(400, 24, 5)
 
 
 class Nodes(NamedTuple):

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.errors import InvalidGoal
@@ -20,7 +22,7 @@ from planning.tool_paths.projection import pack_tolerance
 FLAT_CORNER = math.radians(30.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SeamPlaces:
     """Places along a seam where configurations are searched for (k of them).
 
@@ -51,6 +53,18 @@ class SeamPlaces:
         # Tolerances as kernels read them, shape (k, 23).
         packed = {tolerance: pack_tolerance(tolerance) for tolerance in set(self.tolerances)}
         object.__setattr__(self, "boxes", np.array([packed[one] for one in self.tolerances]))
+
+    @cached_property
+    def directions(self) -> Array:
+        """Unit tangents of the path at each place, shape (k, 3)."""
+        located = [self.runs[run].locate(s) for run, s in zip(self.run, self.s, strict=True)]
+        return np.array([motion.direction(at) for motion, at in located])
+
+    @cached_property
+    def bent(self) -> Array:
+        """Angle that the direction of the path turns by up to each place, shape (k,) [rad]."""
+        cosines = np.einsum("ki,ki->k", self.directions[1:], self.directions[:-1])
+        return np.concatenate([[0.0], np.cumsum(np.arccos(np.clip(cosines, -1.0, 1.0)))])
 
     def layers(self, every: bool = False) -> NDArray[np.int64]:
         """Indices of the places that the search checks: all of them, or some on the way."""
@@ -128,6 +142,38 @@ def _ways(points: Sequence[SeamWaypoint]) -> list[ToolMotion]:
     return ways
 
 
+def through_spline(seam: SeamOptions) -> tuple[SeamOptions, float]:
+    """A seam with arcs through the middles of a cubic spline by the length of the chords.
+
+    Corners above 60 degrees stay, and so do arcs that waypoints ask for.
+
+    Args:
+        seam: The seam.
+
+    Returns:
+        The seam, and how far the arcs leave the lines between its waypoints [m].
+    """
+    points = np.array([point.T_base_tip[:3, 3] for point in seam.waypoints])
+    ways = np.diff(points, axis=0)
+    lengths = np.maximum(np.linalg.norm(ways, axis=1), 1e-9)
+    cosines = np.einsum("ki,ki->k", ways[1:], ways[:-1]) / (lengths[1:] * lengths[:-1])
+    arcs = np.array([point.via is not None for point in seam.waypoints[1:]])
+    cuts = np.flatnonzero((cosines < 0.5) | arcs[1:] | arcs[:-1]) + 1
+    waypoints, most = list(seam.waypoints), 0.0
+    for first, last in pairwise([0, *cuts.tolist(), len(points) - 1]):
+        knots = np.arange(first, last + 1)
+        at = np.concatenate([[0.0], np.cumsum(lengths[first:last])])
+        if len(knots) < 3:
+            continue
+        middles = CubicSpline(at, points[knots])(0.5 * (at[1:] + at[:-1]))
+        away = np.linalg.norm(middles - 0.5 * (points[knots[1:]] + points[knots[:-1]]), axis=1)
+        # Middles nearer to a chord than this name no arc [m].
+        for k in np.flatnonzero(away > 1e-7 + 1e-5 * lengths[knots[:-1]]):
+            waypoints[knots[k + 1]] = replace(waypoints[knots[k + 1]], via=middles[k])
+            most = max(most, float(away[k]))
+    return replace(seam, waypoints=tuple(waypoints), through="polyline"), most
+
+
 def _way(k: int, T_start: Array, T_end: Array, via: Array | None) -> ToolMotion:
     """The motion from the k-th waypoint to the next."""
     away = float(np.linalg.norm(T_end[:3, 3] - T_start[:3, 3]))
@@ -193,7 +239,7 @@ def seam_places(runs: tuple[ToolRun, ...]) -> SeamPlaces:
             length, angle = part.motion.length, part.motion.angle
             # Longest way between two places of a seam [m].
             # Largest turn between two places [rad].
-            steps = max(length / 0.03, angle / 0.15, float(least))
+            steps = max(length / 0.015, angle / 0.075, float(least))
             count = math.ceil(steps - 1e-9)
             for i in range(count):
                 share = i / count

@@ -27,8 +27,8 @@ from planning.tool_motions.tool_path import (
 from planning.tool_motions.tool_tolerance import SeamOptions, StraightOffset
 from planning.tool_paths.seams.failure import explain_bend, explain_search, explain_stop
 from planning.tool_paths.seams.following import refine, segments, with_fewer_ranges
-from planning.tool_paths.seams.nodes import COARSE, DENSE, Density
-from planning.tool_paths.seams.path import seam_places, seam_runs
+from planning.tool_paths.seams.nodes import COARSE, DENSE, FINE, Density
+from planning.tool_paths.seams.path import seam_places, seam_runs, through_spline
 from planning.tool_paths.seams.search import SeamJoints, SeamSearch
 from planning.tool_paths.tool_following import follow, free_part
 
@@ -38,17 +38,8 @@ _OTHER_BRANCH = {"branch", "limit", "singularity", "collision", "unreachable"}
 NAME = "cartesian"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Ends:
-    """Straight motions before and after a seam.
-
-    Args:
-        motions: Motions of the tool.
-        segments: The joint paths.
-    """
-
-    motions: tuple[ToolRun, ...]
-    segments: tuple[ToolSegment, ...]
+#: Straight motions before or after a seam, and their joint paths.
+_Ends = tuple[tuple[ToolRun, ...], tuple[ToolSegment, ...]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +87,7 @@ def plan_in_one_branch(
     after = _beside(query, seam.retreat, followed[-1].end, "retreat", tolerances)
     if isinstance(after, Failure):
         return after
-    parts = (*before.segments, *followed, *after.segments)
+    parts = (*before[1], *followed, *after[1])
     transit = _transit(query, start, parts[0].start)
     if isinstance(transit, Failure):
         return transit
@@ -104,7 +95,7 @@ def plan_in_one_branch(
         f"{len(seam.waypoints)} waypoints, {len(found.graph.nodes.joints)} configurations in "
         f"{len(found.graph.layers)} layers, {found.tries} way(s)."
     )
-    return SeamPart((*before.motions, *places.runs, *after.motions), parts, transit, detail)
+    return SeamPart((*before[0], *places.runs, *after[0]), parts, transit, detail)
 
 
 def _search(
@@ -114,7 +105,7 @@ def _search(
     looks: list[tuple[bool, Density]] = [(False, COARSE), (False, DENSE)]
     # Places of a seam up to which all of them are searched where a few have no way.
     if len(search.places.s) <= 600:
-        looks.append((True, COARSE))
+        looks += [(True, COARSE), (True, FINE)]
     unfound: list[SeamJoints] = []
     failure: tuple[SeamJoints, Failure] | None = None
     for every, density in looks:
@@ -126,7 +117,7 @@ def _search(
             if found.joints is None:
                 unfound.append(found)
                 break
-            followed = _follow(query, narrower, found.joints, tolerances)
+            found, followed = _follow_one(query, narrower, found, tolerances)
             if not isinstance(followed, Failure):
                 return found, followed
             failure = failure or (found, followed)
@@ -135,6 +126,23 @@ def _search(
     if failure is not None:
         return failure
     return unfound[-1], explain_search(search, [found.graph for found in unfound], advise=advise)
+
+
+def _follow_one(
+    query: Query, search: SeamSearch, found: SeamJoints, tolerances: Tolerances
+) -> tuple[SeamJoints, tuple[ToolSegment, ...] | Failure]:
+    """Joint paths of the way that was found, or of another where its spline meets something."""
+    # Ways that are tried.
+    for _ in range(6):
+        assert found.joints is not None
+        followed = _follow(query, search, found.joints, tolerances)
+        if not isinstance(followed, Failure) or followed.details["reason"] != "collision":
+            break
+        other = search.around(found, followed.details["fraction"])
+        if other.joints is None:
+            break
+        found = other
+    return found, followed
 
 
 def _follow(
@@ -163,7 +171,7 @@ def _beside(
 ) -> _Ends | Failure:
     """The straight motion to the start of a seam, or from its end, at q (n,), in its branch."""
     if offset is None:
-        return _Ends((), ())
+        return (), ()
     chain, T = query.checker.model.chain, forward(query.checker.model.chain, q)
     way = offset.distance * offset.direction / np.linalg.norm(offset.direction)
     way = T[:3, :3] @ way if offset.frame == "tool" else way
@@ -175,7 +183,7 @@ def _beside(
         return _end_failure(name, segment, segment.stop)
     if name == "approach":
         motion, segment = line(motion.T_end, motion.T_start), segment.reverse()
-    return _Ends((replace(ToolRun.of(motion), name=name),), (segment,))
+    return (replace(ToolRun.of(motion), name=name),), (segment,)
 
 
 def _end_failure(name: str, segment: ToolSegment, stop: Stop) -> Failure:
@@ -227,6 +235,11 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
     """
     seam = options.seam
     assert seam is not None
+    notes: tuple[str, ...] = ()
+    if seam.through == "spline":
+        seam, away = through_spline(seam)
+        options = replace(options, seam=seam)
+        notes = (f"The spline through the waypoints leaves the lines by {away:.3g} m at most.",)
     # Parts of a seam at most.
     found = _plan_parts(query, query.ready.start, options, tolerances, 12)
     if isinstance(found, Failure):
@@ -257,10 +270,10 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
         tuple(transits),
         seam.speed_band if seam.speeds else None,
     )
-    notes: tuple[str, ...] = ()
     if changes:
         places = ", ".join(f"waypoints[{k}]" for k in changes)
-        notes = (f"The arm goes on in another branch from {places}, with a retreat before.",)
+        change = f"The arm goes on in another branch from {places}, with a retreat before."
+        notes = (*notes, change)
     return Attempt(path.waypoints, found[0][1].detail, notes=notes, tool_path=path)
 
 

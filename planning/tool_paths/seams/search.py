@@ -175,6 +175,12 @@ class SeamGraph:
             way.append(int(self.before[way[-1]]))
         return way[::-1]
 
+    def block(self, way: Sequence[int], place: int) -> tuple[int, int]:
+        """Close the step of a way that leads over a place, and return it."""
+        layer = min(max(int(np.searchsorted(self.layers, place)), 1), len(way) - 1)
+        self.blocked.append((way[layer - 1], way[layer]))
+        return self.blocked[-1]
+
     def longest(self) -> tuple[int, int, int]:
         """The layers that the longest way begins and ends at, and the configuration at its end."""
         candidates = np.flatnonzero(np.isfinite(self.best))
@@ -232,6 +238,18 @@ class SeamSearch:
         """
         graph = self.prepare(self.places.layers(every), density)
         graph.jump = _JUMP if every else _LAYER_JUMP
+        return self._go_on(graph)
+
+    def around(self, found: SeamJoints, share: float) -> SeamJoints:
+        """Search for another way than the one found, which is closed at a share of the length."""
+        way = self._cheapest(found.graph)
+        assert way is not None
+        place = int(np.searchsorted(self.places.along, share * self.places.length))
+        found.graph.block(way, place)
+        return self._go_on(found.graph)
+
+    def _go_on(self, graph: SeamGraph) -> SeamJoints:
+        """The cheapest way through layers that is continuous and free at all places."""
         # Ways through the layers that are tried.
         for tries in range(1, 201):
             self.solve(graph)
@@ -377,9 +395,7 @@ class SeamSearch:
             if place < 0:
                 return joints
             hit = joints[place]
-        layer = min(max(int(np.searchsorted(graph.layers, place)), 1), len(way) - 1)
-        step = (way[layer - 1], way[layer])
-        graph.blocked.append(step)
+        step = graph.block(way, place)
         if hit is not None:
             graph.hits[step] = hit
         return None

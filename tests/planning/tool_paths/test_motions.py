@@ -4,11 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal
-from kinematics.pose import transform
+from kinematics.pose import from_axis_angle, transform
 from planning.options import CartesianOptions, ToolMotionOptions
+from planning.tool_motions.tool_corner import part_of
 from planning.tool_paths.motions import repairs, tool_motion, tool_motions
 
 START = transform(None, [0.4, 0.0, 0.4])
@@ -141,3 +143,29 @@ def test_half_a_circle_has_no_plane_however_its_centre_is_rounded(decimals: int)
         item = ToolMotionOptions("circ", given.T_base_tip, center=given.center)
         with pytest.raises(InvalidGoal, match="half a circle has no plane"):
             tool_motion(first_pose(arc), item, 0, 1e-4)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_longer_rotation_goes_the_other_way_round_about_the_same_axis(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    R = Rotation.random(random_state=seed)
+    axis, angle = random.normal(size=3), random.uniform(0.1, 3.0)
+    axis /= np.linalg.norm(axis)
+    end = transform(from_axis_angle(axis, angle) @ R.as_matrix(), [0.5, 0.1, 0.3])
+    start = transform(R.as_matrix(), [0.4, 0.0, 0.4])
+    options = ToolMotionOptions("lin", end, longer=True)
+    motion = tool_motion(start, options, 0, 1e-4)
+    assert motion.angle == pytest.approx(2.0 * np.pi - angle)
+    for s in np.linspace(0.0, 1.0, 21):
+        expected = Rotation.from_rotvec(s * (angle - 2.0 * np.pi) * axis) * R
+        np.testing.assert_allclose(motion.pose(s)[:3, :3], expected.as_matrix(), atol=1e-9)
+    for begin, stop in ((0.0, 0.3), (0.2, 0.9), (0.7, 1.0)):
+        part = part_of(motion, begin, stop)
+        assert part.angle == pytest.approx((stop - begin) * motion.angle)
+        whole = motion.poses(np.linspace(begin, stop, 9))
+        np.testing.assert_allclose(part.poses(np.linspace(0.0, 1.0, 9)), whole, atol=1e-9)
+
+
+def test_a_tool_that_does_not_turn_has_no_longer_rotation() -> None:
+    with pytest.raises(InvalidGoal, match="does not turn"):
+        tool_motion(START, ToolMotionOptions("lin", at(0.5, 0.0), longer=True), 0, 1e-4)

@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.forward import forward
 from kinematics.pose import transform
+from kinematics.robots import builtin_chain
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
-from planning.tool_paths.projection import pack_tolerance, project_kernel
+from planning.tool_paths.projection import pack_tolerance, project, project_kernel
 from planning.tool_paths.seams.nodes import COARSE, nodes, sample_deviations
 from planning.tool_paths.seams.path import seam_places, seam_runs
 from planning.tool_paths.seams.search import Layers, Steps, Ways, layer_kernel
@@ -153,3 +154,46 @@ def test_configurations_of_a_place_reach_its_pose_within_the_tolerance() -> None
             T = ORACLE.pose(q)
             np.testing.assert_allclose(T[:3, 3], places.nominal[place, :3, 3], atol=1e-6)
             np.testing.assert_allclose(T[:3, 2], [0.0, 0.0, -1.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_free_spin_is_left_to_the_joints(seed: int) -> None:
+    """The least motion into a box with a free spin is no longer than to any one spin."""
+    random = np.random.default_rng(seed)
+    start = HOME + random.uniform(-0.3, 0.3, 7)
+    nominal = forward(CHAIN, start + random.uniform(-0.08, 0.08, 7))[None]
+    free = pack_tolerance(ToolTolerance.of({}, ("rz",)))[None]
+    joints = start[None].copy()
+    assert project(CHAIN, nominal, free, LIMITS, joints).max() < 1e-9
+    moved = float(np.linalg.norm(joints - start))
+    for spin in np.linspace(-0.3, 0.3, 31):
+        turned = pack_tolerance(ToolTolerance.of({"rz": (spin, spin)}))[None]
+        one = start[None].copy()
+        if project(CHAIN, nominal, turned, LIMITS, one).max() < 1e-9:
+            # Newton's steps add up to nearly the least motion.
+            assert moved <= 1.01 * float(np.linalg.norm(one - start)) + 1e-4
+
+
+def test_any_orientation_will_do_for_an_arm_that_has_none_to_spare() -> None:
+    arm = builtin_chain("planar_rr")
+    start, limits = np.array([[0.3, 1.2]]), np.array([[-3.0, -3.0], [3.0, 3.0]])
+    nominal = forward(arm, np.array([[0.5, 0.9]]))
+    box = pack_tolerance(None, turns=True)[None]
+    assert project(arm, nominal, box, limits, start).max() < 1e-9
+    np.testing.assert_allclose(forward(arm, start)[0, :3, 3], nominal[0, :3, 3], atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_joint_at_its_limit_is_left_out_of_a_projection(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    start = HOME + random.uniform(-0.2, 0.2, 7)
+    near = start + random.uniform(-0.05, 0.05, 7)
+    limits = LIMITS.copy()
+    k = seed % 7
+    # Where the joint would go by itself is beyond this.
+    limits[int(near[k] > start[k]), k] = start[k]
+    joints = start[None].copy()
+    box = pack_tolerance(None)[None]
+    assert project(CHAIN, forward(CHAIN, near)[None], box, limits, joints).max() < 1e-6
+    assert (joints >= limits[0]).all()
+    assert (joints <= limits[1]).all()

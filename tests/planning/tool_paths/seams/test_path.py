@@ -1,6 +1,7 @@
 """Paths of seams: corners, arcs, and the places at which configurations are looked for."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from kinematics.errors import InvalidGoal
 from kinematics.pose import from_axis_angle, transform
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
-from planning.tool_paths.seams.path import FLAT_CORNER, seam_places, seam_runs
+from planning.tool_paths.seams.path import FLAT_CORNER, seam_places, seam_runs, through_spline
 
 EXACT = ToolTolerance.of({})
 FREE = ToolTolerance.of({}, ("rz",), tilt=0.2)
@@ -169,3 +170,36 @@ def test_opposite_axes_name_no_way() -> None:
     with pytest.raises(InvalidGoal, match=r"waypoints\[0\] and waypoints\[1\].*opposite") as told:
         seam_runs(SeamOptions((up, down), FREE), 0.0)
     assert told.value.details["waypoint"] == 1
+
+
+@pytest.mark.parametrize("step", [0.05, 0.15, 0.4])
+def test_a_spline_through_points_of_a_circle_is_nearly_that_circle(step: float) -> None:
+    radius, angles = 0.08, np.arange(0.0, 3.0, step)
+    points = tuple(at(radius * math.cos(a), radius * math.sin(a), 0.0) for a in angles)
+    seam, away = through_spline(SeamOptions(points, EXACT, through="spline"))
+    # The sagitta of a chord; a cubic is off a circle by the fourth power of the step.
+    sagitta = radius * (1.0 - math.cos(0.5 * step))
+    assert away == pytest.approx(sagitta, rel=0.06)
+    (run,) = seam_runs(seam, 0.0)
+    off = np.abs(np.linalg.norm(run.poses(np.linspace(0.0, 1.0, 400))[:, :3, 3], axis=1) - radius)
+    assert off.max() <= 0.06 * sagitta
+    bends = [
+        float(np.linalg.norm(one.direction(1.0) - other.direction(0.0)))
+        for one, other in pairwise(run.motions)
+    ]
+    assert max(bends) <= 0.15 * step
+    for point, waypoint in zip(points, seam.waypoints, strict=True):
+        np.testing.assert_array_equal(point.T_base_tip, waypoint.T_base_tip)
+
+
+def test_a_spline_leaves_corners_arcs_and_straight_ways_as_they_are() -> None:
+    along = [(x, 0.0) for x in (0.0, 0.05, 0.1)] + [(0.1, 0.05), (0.1, 0.1)]
+    points = [at(x, y, 0.0) for x, y in along]
+    seam, away = through_spline(SeamOptions(tuple(points), EXACT, through="spline"))
+    assert away == 0.0
+    assert all(point.via is None for point in seam.waypoints)
+    assert seam.through == "polyline"
+    via = np.array([0.12, 0.125, 0.0])
+    points.append(SeamWaypoint(at(0.1, 0.15, 0.0).T_base_tip, via=via))
+    seam, _ = through_spline(SeamOptions(tuple(points), EXACT, through="spline"))
+    np.testing.assert_array_equal(seam.waypoints[-1].via, via)

@@ -13,8 +13,12 @@ from kinematics.forward import forward
 from kinematics.pose import from_axis_angle, transform
 from obstacles.scenes.scene import Scene
 from planning.options import CartesianOptions, Options
+from planning.pipeline import pipeline
 from planning.pipeline.pipeline import plan
+from planning.pipeline.planners import with_reserve
 from planning.problem import PoseGoal, Problem
+from planning.proof.certificate import certify
+from planning.proof.violation import Violation
 from planning.result import Failure, Plan
 from planning.timing.options import TimingOptions
 from planning.tool_motions.tool_tolerance import (
@@ -24,6 +28,7 @@ from planning.tool_motions.tool_tolerance import (
     StraightOffset,
     ToolTolerance,
 )
+from planning.tool_paths.seams.failure import least_that
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, box, builtin, planning_failure
 from tests.planning.tool_boxes import deviations as box_deviations
@@ -269,8 +274,61 @@ def test_a_tolerance_that_would_help_is_named() -> None:
     points = tuple(SeamWaypoint(transform(T, p)) for T, p in zip(turns, places, strict=True))
     answer = ask(points, ToolTolerance.of({}))
     assert isinstance(answer, Failure)
-    assert {"free": ["rz"]} in answer.details["would_help"]
-    followed(ask(points, ToolTolerance.of({}, ("rz",))))
+    (spin,) = [one["rz"] for one in answer.details["would_help"] if "rz" in one]
+    followed(ask(points, ToolTolerance.of({"rz": spin})))
+    # What is told is the least that does, to a fifth.
+    narrow = ToolTolerance.of({"rz": (0.6 * spin[0], 0.6 * spin[1])})
+    assert isinstance(ask(points, narrow), Failure)
+
+
+def test_a_seam_out_of_reach_tells_which_tilt_would_do() -> None:
+    R = from_axis_angle([1.0, 0.0, 0.0], math.pi)
+    places = [[0.74, y, 0.4] for y in np.linspace(-0.15, 0.15, 12)]
+    points = tuple(SeamWaypoint(transform(R, place)) for place in places)
+    answer = ask(points, ToolTolerance.of({}, ("rz",)))
+    assert isinstance(answer, Failure)
+    (tilt,) = [one["tilt"] for one in answer.details["would_help"] if "tilt" in one]
+    followed(ask(points, ToolTolerance.of({}, ("rz",), tilt=tilt)))
+
+
+@pytest.mark.parametrize("wanted", [0.012, 0.3, 1.9])
+def test_the_least_size_that_suffices_is_found_to_a_fifth(wanted: float) -> None:
+    found = least_that(lambda size: size >= wanted, 2.0, 0.01)
+    assert found is not None
+    assert wanted <= found <= 1.25 * wanted
+    assert least_that(lambda size: size >= 3.0, 2.0, 0.01) is None
+
+
+def test_a_spline_through_the_waypoints_is_followed_and_told() -> None:
+    points = on_cylinder(24)
+    answer = followed(ask(points, through="spline"))
+    assert {report.kind for report in answer.tool_motions if report.part == "seam"} == {"circ"}
+    assert any("leaves the lines by" in note for note in answer.notes)
+
+
+def test_a_proof_that_misses_is_tried_again_with_a_reserve(monkeypatch: pytest.MonkeyPatch) -> None:
+    shares: list[float] = []
+    reserved: list[Any] = []
+
+    def missing(*args: Any, **asked: Any) -> Any:
+        certificate = certify(*args, **asked)
+        if reserved:
+            return certificate
+        assert certificate.tool_box is not None
+        shares.append(certificate.tool_box.share)
+        beyond = Violation("path_deviation", 0.0, "the tool leaves its tolerance", {})
+        return replace(certificate, verified=False, violation=beyond)
+
+    def reserve(planners: Any) -> Any:
+        reserved.append(with_reserve(planners))
+        return reserved[-1]
+
+    monkeypatch.setattr(pipeline, "certify", missing)
+    monkeypatch.setattr(pipeline, "with_reserve", reserve)
+    answer = followed(ask(on_cylinder(24, 0.6), ToolTolerance.of({"rz": (-0.2, 0.2)})))
+    assert [planner.share for planner in reserved[0]] == [0.6]
+    assert answer.certificate.tool_box is not None
+    assert answer.certificate.tool_box.share < shares[0]
 
 
 def test_seams_that_make_no_sense_are_refused() -> None:

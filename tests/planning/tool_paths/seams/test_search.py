@@ -56,7 +56,7 @@ def test_bends_that_joints_can_not_follow_are_told_with_what_helps() -> None:
         how = CartesianOptions(seam=asked, max_deviation=max_deviation)
         return plan(problem, Options(planner="cartesian", cartesian=how, timeout=30.0))
 
-    refused = ask(None, 1e-6)
+    refused = ask(None, 1e-7)
     assert isinstance(refused, Failure)
     assert refused.code == "PLANNING_FAILED"
     # Chords of 3 and 12 degrees meet at an angle of half their sum.
