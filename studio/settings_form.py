@@ -28,6 +28,7 @@ _PATH_OPTIONS = (
     "tool_speed",
     "speed_band",
     "blend",
+    "through",
     "tolerance",
     "approach",
     "retreat",

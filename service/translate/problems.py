@@ -197,7 +197,13 @@ def cartesian(given: tool_motion.CartesianOptions, chain: Chain) -> CartesianOpt
 def _motions(items: Sequence[tool_motion.ToolMotion]) -> tuple[ToolMotionOptions, ...]:
     return tuple(
         ToolMotionOptions(
-            item.type, poses.transform(item.pose), item.via, item.center, item.normal, item.blend
+            item.type,
+            poses.transform(item.pose),
+            item.via,
+            item.center,
+            item.normal,
+            item.blend,
+            longer=item.rotation == "longer",
         )
         for item in items
     )

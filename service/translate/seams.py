@@ -52,6 +52,7 @@ def seam_options(given: CartesianOptions, chain: Chain) -> SeamOptions:
         _offset(given.approach),
         _offset(given.retreat),
         _offset(given.branch_changes),
+        given.through or "polyline",
     )
 
 

@@ -107,7 +107,7 @@ def _motion_options(item: cartesian.TimedToolMotion) -> ToolMotionOptions:
         start = poses.transform(item.start)
     assert item.type != "corner"
     return ToolMotionOptions(
-        item.type, pose, item.via, item.center, item.normal, T_base_start=start
+        item.type, pose, item.via, item.center, item.normal, None, start, item.rotation == "longer"
     )
 
 
@@ -143,6 +143,7 @@ def tool_motions_answer(reports: Sequence[ToolMotionReport]) -> list[dict[str, A
         {
             "type": report.kind,
             **picked(report, "length", "angle", "fraction", "begins", "ends"),
+            "rotation": "longer" if getattr(report.motion, "longer", False) else "shorter",
             "motion": report.asked,
             "part": report.part,
             "blend": report.blends,

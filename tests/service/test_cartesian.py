@@ -137,6 +137,39 @@ def test_rounded_corners_are_answered_as_motions_that_validation_takes(
     assert "blend" in problem(refused, 422, "VALIDATION_ERROR")["detail"]
 
 
+def test_the_longer_rotation_is_planned_and_proved_again(client: httpx.Client) -> None:
+    # By 3.5 rad about the tool's own axis, or by 2.78 rad the other way round.
+    turned = forward(CHAIN, [*HOME[:6], HOME[6] - 3.5])
+    end = {
+        "position": (turned[:3, 3] + [0.0, 0.1, 0.0]).tolist(),
+        "quaternion_xyzw": to_quaternion(turned[:3, :3]).tolist(),
+    }
+    motion = {"type": "lin", "pose": end}
+    lasts: list[float] = []
+    for rotation, angle in (("shorter", 2.0 * np.pi - 3.5), ("longer", 3.5)):
+        options = {"motions": [motion | {"rotation": rotation}]}
+        found = plan(client, goal={"pose": end}, planner_options=options)
+        reports = ClientPlan.model_validate(found).tool_motions
+        assert reports is not None
+        (report,) = reports
+        assert report.rotation == rotation
+        assert report.angle == pytest.approx(angle)
+        lasts.append(found["path"]["joints"][-1][6])
+    assert lasts[1] < HOME[6] - 1.0
+    assert lasts[1] < lasts[0] - 1.0
+    motions = [report.as_motion.model_dump(exclude_none=True)]
+    held: dict[str, Any] = {"motions": motions, "ends": [report.ends]}
+    body = {"robot": "panda", "trajectory": found["trajectory"], "tool_motions": held}
+    assert answer(client.post("/v1/validate", json=body))["verified"]
+    held["motions"][0]["rotation"] = "shorter"
+    assert not answer(client.post("/v1/validate", json=body))["verified"]
+    still = {"motions": [{"type": "lin", "pose": pose(0.0, 0.1), "rotation": "longer"}]}
+    refused = client.post(
+        "/v1/plan", json=BODY | {"goal": {"pose": pose(0.0, 0.1)}, "planner_options": still}
+    )
+    assert "does not turn" in problem(refused, 422, "INVALID_GOAL_CONSTRAINTS")["detail"]
+
+
 POINTS = [[0.45 + 0.1 * np.sin(5.0 * y), float(y), 0.35] for y in np.linspace(-0.2, 0.2, 20)]
 UP = [0.0, 0.0, 1.0]
 SEAM: dict[str, Any] = {
@@ -176,6 +209,18 @@ def test_points_with_normals_are_followed_with_a_free_spin(client: httpx.Client)
     T = forward(CHAIN, np.array(found["trajectory"]["samples"]["position"])[within])
     assert T[:, 2, 2].max() <= -np.cos(0.1 + 1.1e-3)
     assert np.abs(T[:, 2, 3] - 0.35).max() <= 1.1e-4
+
+
+def test_points_of_a_curve_are_led_through_a_spline(client: httpx.Client) -> None:
+    found = answer(client.post("/v1/plan", json=seam(through="spline")))
+    types = [motion["type"] for motion in found["tool_motions"]]
+    assert set(types) <= {"lin", "circ"}
+    assert types.count("circ") >= 15
+    (note,) = (note for note in found["notes"] if "leaves the lines" in note)
+    # The sagitta of the sharpest stretch of the sine: curvature 2.5 / m, 22 mm long.
+    assert float(note.split(" by ")[1].split(" m ")[0]) == pytest.approx(1.5e-4, rel=0.3)
+    refused = client.post("/v1/plan", json=BODY | {"planner_options": {"through": "spline"}})
+    assert "waypoints" in problem(refused, 422, "VALIDATION_ERROR")["detail"]
 
 
 def test_a_seam_is_checked_in_a_motion_that_anybody_made(client: httpx.Client) -> None:

@@ -31,6 +31,7 @@ AngleRange = Annotated[list[Angle], Field(min_length=2, max_length=2)]
 Blend = Annotated[float, Field(ge=0.0, le=10.0)]
 Rotation = Literal["rx", "ry", "rz"]
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+Turning = Literal["shorter", "longer"]
 Speed = Annotated[float, Field(gt=0.0, le=100.0)]
 
 
@@ -176,6 +177,9 @@ class ToolCurve(Body):
         description="with center: axis to turn about by the right hand, up to a whole turn; the "
         "shorter arc if left out",
     )
+    rotation: Turning = Field(
+        "shorter", description="which way round the tool turns about the one axis of its rotation"
+    )
     blend: Blend | None = Field(
         None,
         description="distance from its end at which the tool may leave it for the next one, half "
@@ -267,6 +271,7 @@ class CartesianOptions(Body):
 
     only_beside: ClassVar[Beside] = {
         "tolerance": ("waypoints",),
+        "through": ("waypoints",),
         "tool_speed": ("waypoints",),
         "approach": ("waypoints",),
         "retreat": ("waypoints",),
@@ -297,6 +302,11 @@ class CartesianOptions(Body):
     )
     tolerance: ToolTolerance | None = Field(
         None, description="of all waypoints: by how much the tool may deviate; exact if left out"
+    )
+    through: Literal["polyline", "spline"] | None = Field(
+        None,
+        description="lines between waypoints, also if left out; or arcs through the middles of a "
+        "cubic spline, which a note measures against the lines: corners above 60 degrees stay",
     )
     tool_speed: Speed | None = Field(
         None, description="to be kept on the way to waypoints that have none of their own [m/s]"
@@ -531,6 +541,7 @@ class ToolMotionAnswer(Answer):
     type: Literal["lin", "circ", "corner"] = Field(description="line, arc or rounded corner")
     length: float = Field(description="of the whole of it [m]")
     angle: float = Field(description="how far the tool turns in the whole of it [rad]")
+    rotation: Turning = Field("shorter", description="which way round it turns")
     fraction: float = Field(description="how far it was carried out")
     begins: float = Field(description="[s]")
     ends: float = Field(description="[s]")
@@ -563,9 +574,10 @@ class ToolMotionAnswer(Answer):
         if self.rounds is not None:
             corner = RoundedCorner.model_validate(self.rounds.model_dump(exclude_none=True))
             return TimedToolMotion(type="corner", pose=self.pose, rounds=corner)
-        if self.center is None:
-            return ToolMotion.lin(self.pose)
-        return ToolMotion.circ(self.pose, center=self.center, normal=self.normal)
+        motion = ToolMotion.lin(self.pose)
+        if self.center is not None:
+            motion = ToolMotion.circ(self.pose, center=self.center, normal=self.normal)
+        return motion.model_copy(update={"rotation": self.rotation})
 
 
 class ReferencePoseAnswer(Answer):

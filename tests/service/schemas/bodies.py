@@ -352,7 +352,7 @@ LIMITS = {name: [1.0, 2.0] for name in ("velocity", "acceleration", "jerk", "eff
 FRAME = {"frame": "tool"}
 RATES = {"velocities": [0.1, 0.2], "accelerations": [0.3, 0.4]}
 MOTIONS: list[dict[str, Any]] = [
-    {"type": "lin", "pose": POSE, "blend": 0.0},
+    {"type": "lin", "pose": POSE, "blend": 0.0, "rotation": "longer"},
     {"type": "circ", "pose": POSE, "via": [0.4, 0.1, 0.3]},
     {"type": "circ", "pose": POSE, "center": [0.4, 0.1, 0.3], "normal": [0.0, 0.0, 1.0]},
 ]
