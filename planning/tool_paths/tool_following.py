@@ -214,7 +214,9 @@ class _Following:
         for _ in range(10):
             lengths = np.diff(self.places)
             # Largest ratio of the lengths of neighbouring pieces.
-            long = np.flatnonzero(lengths > 3.0 * scipy.ndimage.minimum_filter1d(lengths, 3, mode="nearest"))
+            long = np.flatnonzero(
+                lengths > 3.0 * scipy.ndimage.minimum_filter1d(lengths, 3, mode="nearest")
+            )
             places, joints = np.array(self.places), np.array(self.joints)
             at = 0.5 * (places[long] + places[long + 1])
             q, solved = self._solve(at, 0.5 * (joints[long] + joints[long + 1]))
