@@ -79,7 +79,7 @@ def test_the_first_screen_has_a_picture_and_names_the_commands() -> None:
 
 
 def test_every_feature_is_one_line_with_a_page() -> None:
-    assert len(ROWS) == 18
+    assert len(ROWS) == 21
     assert all(len(re.sub(r"\]\([^)]*\)", "]", text)) <= 140 for text in ROWS.values())
     for page in re.findall(r"\]\((docs/[^)#]+)", README):
         assert (ROOT / page).is_file(), page
