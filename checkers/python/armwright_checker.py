@@ -11,14 +11,23 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
-from math import comb, isfinite
+from math import comb, isfinite, prod
 from pathlib import Path
+from struct import unpack
 from typing import Any, NoReturn
 
 from flint import arb, arb_mat, ctx
 
+#: The version of the format.
+VERSION = 2
 #: Bits of the balls' middles.
 PRECISION = 96
+#: The compact form begins with this.
+MAGIC = b"AWTN"
+#: Lists of the compact form lie in so many others at most.
+DEPTH = 16
+#: Numbers lie in so many lists at most.
+RANK = 3
 #: A position, velocity, acceleration or jerk may exceed its limit by this share of it; a position
 #: by so much [rad or m]. Time-optimal motions are on their limits, but for rounding.
 LIMIT_TOLERANCE = 1e-8
@@ -91,6 +100,100 @@ def largest(values: Row) -> arb:
         end = value.upper()
         best = max(best, end)
     return best
+
+
+# ------------------------------------------------------------------ the compact form
+
+
+class Reader:
+    """Reader of the compact form: the very document that JSON would have.
+
+    Args:
+        content: The file.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        self.content, self.at = content, 0
+
+    def take(self, count: int) -> bytes:
+        """The next bytes."""
+        if count > len(self.content) - self.at:
+            fail("the file ends early")
+        self.at += count
+        return self.content[self.at - count : self.at]
+
+    def count(self) -> int:
+        """A whole number in groups of 7 bits, the lowest first."""
+        value = shift = 0
+        while (byte := self.take(1)[0]) >= 128:
+            value, shift = value + ((byte - 128) << shift), shift + 7
+        return value + (byte << shift)
+
+    def text(self) -> str:
+        """A text behind its length."""
+        return self.take(self.count()).decode(errors="surrogateescape")
+
+    def number(self) -> float | int | None:
+        """A number in as many bytes as its first one says."""
+        first = self.take(1)[0]
+        if first < 128:
+            return first - 64
+        if first < 192:
+            return (first - 128) * 256 + self.take(1)[0]
+        if first < 208:
+            zigzag, power = self.count(), float(10 ** (first - 192))
+            if zigzag >= 2**53:
+                fail("a decimal is too long")
+            whole = -(zigzag + 1) // 2 if zigzag % 2 else zigzag // 2
+            return whole / power if power > 1 else whole
+        if first == 254:
+            return None
+        if first != 255:
+            fail(f"there are no numbers that begin with {first}")
+        value: float = unpack("<d", self.take(8))[0]
+        return value
+
+    def value(self, depth: int = 0) -> Any:
+        """A value of any kind."""
+        kind = self.take(1)[0]
+        if depth > DEPTH:
+            fail("the file is nested too deep")
+        if kind == 0:
+            return None
+        if kind == 1:
+            return self.text()
+        if kind == 2:
+            return [self.value(depth + 1) for _ in range(self.count())]
+        if kind == 3:
+            rows = [(self.text(), self.value(depth + 1)) for _ in range(self.count())]
+            if len(dict(rows)) != len(rows):
+                fail("a field stands twice")
+            return dict(rows)
+        if kind != 4:
+            fail(f"there are no values of kind {kind}")
+        sizes = [self.count() for _ in range(self.take(1)[0])]
+        if len(sizes) > RANK or 0 in sizes[1:]:
+            fail("numbers are in too many lists, or in empty ones")
+        if prod(sizes) > len(self.content) - self.at:
+            fail("the file ends early")
+        return self.table(sizes)
+
+    def table(self, sizes: list[int]) -> Any:
+        """Numbers in lists of these lengths."""
+        if not sizes:
+            return self.number()
+        return [self.table(sizes[1:]) for _ in range(sizes[0])]
+
+
+def read(content: bytes) -> Any:
+    """The document of a file, compact or JSON."""
+    if not content.startswith(MAGIC):
+        return json.loads(content)
+    reader = Reader(content[len(MAGIC) :])
+    document = reader.value()
+    if reader.at != len(reader.content):
+        fail("something stands behind the document")
+    return document
 
 
 # ------------------------------------------------------------------ polynomials
@@ -481,8 +584,8 @@ def check(document: dict[str, Any]) -> Report:
 
 
 def _check(document: dict[str, Any]) -> Report:
-    if document["format"] != "armwright-witness" or document["version"] != 1:
-        fail("this is no witness of version 1")
+    if document["format"] != "armwright-witness" or document["version"] != VERSION:
+        fail(f"this is no witness of version {VERSION}")
     n = sum("follows" not in row for row in document["joints"])
     bodies = [Body(row, k, n) for k, row in enumerate(document["joints"])]
     solids = [Solid(row, len(bodies)) for row in document["solids"]]
@@ -532,14 +635,13 @@ def _facts(facts: dict[str, list[Any]], solids: int, cells: int) -> Iterator[Fac
     """Facts one by one: cell, the two solids, and the direction of a plane."""
     if set(facts) - {"plane", "half-space"}:
         fail("there are facts of a kind that is not known")
-    for kind, groups in facts.items():
-        for a, b, rows in groups:
+    for kind, rows in facts.items():
+        for row in rows:
+            a, b, cell, *way = row
+            if len(way) != (3 if kind == "plane" else 0):
+                fail("a fact has not the numbers of its kind")
             pair = index(a, solids, "solid"), index(b, solids, "solid")
-            for row in rows:
-                cell, *way = row if kind == "plane" else [row]
-                if len(way) != (3 if kind == "plane" else 0):
-                    fail("a fact has not the numbers of its kind")
-                yield index(cell, cells, "cell"), *pair, [ball(x) for x in way] or None
+            yield index(cell, cells, "cell"), *pair, [ball(x) for x in way] or None
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -549,7 +651,7 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stderr.write("usage: armwright-checker FILE\n")
         return 3
     try:
-        report = check(json.loads(Path(paths[0]).read_bytes()))
+        report = check(read(Path(paths[0]).read_bytes()))
     except (OSError, ValueError, Rejected) as error:
         sys.stdout.write(f"rejected: {error}\n")
         return 1

@@ -278,9 +278,13 @@ class PlanEndpoints:
         return Call("POST", path("plans", plan, "stop"), Stop.read, body, deadline=timeout)
 
     @Endpoint
-    def witness(self, plan: str) -> Call[dict[str, Any]]:
-        """A document from which anybody can check a kept plan or proof without the service."""
-        return Call("GET", path("plans", plan, "witness"), json.loads)
+    def witness(self, plan: str, *, part: int = 0) -> Call[bytes]:
+        """The file from which anybody can check a kept plan or proof without the service.
+
+        Of a task or a tour it is that of one stage or leg.
+        """
+        query = {"form": "compact", "part": part}
+        return Call("GET", path("plans", plan, "witness"), bytes, query=query)
 
     # Last, since it hides the built-in type from what follows.
     @Endpoint

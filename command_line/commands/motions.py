@@ -1,5 +1,6 @@
 """The commands that plan, check, prove, time, simulate and convert motions."""
 
+import base64
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -181,14 +182,14 @@ def witness(
     }
     quiet = connection._replace(as_json=False)
     certificate = json.loads(ask(quiet, VALIDATE, robot, request._replace(output=None), body))
-    document = json.dumps(certificate["witness"], separators=(",", ":")).encode()
+    told = certificate["witness"]
     if request.output is not None:
-        save(request.output, document)
+        save(request.output, base64.b64decode(told["compact"]))
     if connection.as_json or request.output is None:
-        print_json(document)
+        print_json(json.dumps(told).encode())
     else:
         show_certificate(certificate)
-        for row in certificate["witness"]["unwitnessed"]:
+        for row in told["unwitnessed"]:
             names = " and ".join(row.get("names", []))
             print_line(f"not witnessed: {row['what']} ({row['count']}) {names}".rstrip(), "yellow")
     if not certificate["verified"]:

@@ -8,24 +8,21 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import comb
 
 from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import bounded_cache
-from kinematics.forward import joint_frames
-from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.convex.piece import PieceArrays, PieceKind
 from obstacles.robots.allowed_pairs import sorted_pair
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
+from planning.proof.collision.pair_table import joints_of
 from planning.proof.collision.proposals import ProposalRows, packed_pieces
 from planning.values.deadline import Deadline
-from planning.witness.bound import SETTLED, TOUCHING, Motion, Solids, settle
+from planning.witness.bound import SETTLED, Search, Solids, search
 
 #: Cells are halved at most so often.
 MAX_DEPTH = 16
-Cell = tuple[float, float]
 
 
 class Pairs(NamedTuple):
@@ -44,17 +41,14 @@ class Facts(NamedTuple):
     """Facts found (f of them).
 
     Args:
-        cells: Begin and end of each cell [s].
-        pairs: Number of each fact's pair, shape (f,).
-        within: Number of its cell, shape (f,).
-        directions: Direction in the frame of the body where both bodies meet, shape (f, 3).
+        cells: Begin and end of each cell, shape (c, 2) [s].
+        rows: Two solids, cell, and direction in the frame of the body where both bodies meet, whole
+            numbers, shape (f, 6).
         known: Whether the direction settles the pair; else nothing does, shape (f,).
     """
 
-    cells: tuple[Cell, ...]
-    pairs: Indices
-    within: Indices
-    directions: Array
+    cells: Array
+    rows: Indices
     known: NDArray[np.bool_]
 
 
@@ -70,7 +64,7 @@ def solids_of(robot: RobotGeometry, scene: Scene) -> Solids:
     radii[cones] = np.hypot(arrays.sizes[cones, 0], arrays.sizes[cones, 1]) + arrays.sizes[cones, 2]
     still = np.full(e - len(robot.pieces), -1, dtype=np.int64)
     return Solids(
-        bodies_of(robot.chain),
+        *joints_of(robot.chain),
         np.concatenate([robot.joints, still]),
         arrays.kinds,
         arrays.starts,
@@ -81,13 +75,6 @@ def solids_of(robot: RobotGeometry, scene: Scene) -> Solids:
         radii,
         ProposalRows(packed.rows, numbers, np.full(e, -1), packed.corners, packed.tables),
     )
-
-
-def bodies_of(chain: Chain) -> Indices:
-    """Type of the joint that moves each body, and the body before it, shape (2, b)."""
-    own = [(int(kind), j - 1) for j, kind in enumerate(chain.joint_types)]
-    rows = own + [(mimic.joint_type, mimic.parent) for mimic in chain.mimic_joints]
-    return np.ascontiguousarray(np.array(rows, dtype=np.int64).reshape(-1, 2).T)
 
 
 def pairs_of(robot: RobotGeometry, scene: Scene, margin: float) -> Pairs:
@@ -123,8 +110,7 @@ def _apart(
 
 def facts_of(
     trajectory: Trajectory,
-    robot: RobotGeometry,
-    scene: Scene,
+    solids: Solids,
     pairs: Pairs,
     deadline: Deadline | None = None,
 ) -> Facts:
@@ -132,72 +118,18 @@ def facts_of(
 
     Args:
         trajectory: The motion.
-        robot: The robot.
-        scene: Scene around the robot.
+        solids: The solids.
         pairs: The pairs.
         deadline: Instant from which on cells are left as they are.
     """
-    solids, e = solids_of(robot, scene), len(robot.pieces) + len(scene.pieces()[1])
-    poses, centers = np.zeros((e, 4, 4)), np.zeros((e, 3))
-    cells, everything = list[Cell](), np.arange(len(pairs.rows))
-    none = everything[:0], everything[:0], np.zeros((0, 3)), np.zeros(0, dtype=np.bool_)
-    blocks: list[tuple[Indices, Indices, Array, NDArray[np.bool_]]] = [none]
-    waiting = [(0, 0, everything, np.zeros((len(everything), 3)))]
-    while waiting and len(everything):
-        depth, number, rows, way = waiting.pop()
-        begin = trajectory.duration * (number / 2**depth)
-        cell = (begin, trajectory.duration * ((number + 1) / 2**depth))
-        motion = Motion(*_motion(trajectory, robot.chain, cell), poses, centers)
-        found = settle(solids, motion, pairs.rows[rows], pairs.needs[rows], way)
-        last = depth == MAX_DEPTH or (deadline is not None and deadline.passed)
-        done = (found == SETTLED) | (found == TOUCHING) | last
-        if done.any():
-            within = np.full(int(done.sum()), len(cells))
-            blocks.append((rows[done], within, way[done], found[done] == SETTLED))
-            cells.append(cell)
-        if not done.all():
-            left = rows[~done], way[~done]
-            waiting.append((depth + 1, 2 * number + 1, left[0], left[1].copy()))
-            waiting.append((depth + 1, 2 * number, *left))
-    return Facts(tuple(cells), *(np.concatenate(column) for column in zip(*blocks, strict=True)))
-
-
-def _motion(trajectory: Trajectory, chain: Chain, cell: Cell) -> tuple[Array, Array, Array]:
-    """Fields ``frames``, ``steps`` and ``most`` of ``Motion``."""
-    breaks, c = trajectory.breaks, trajectory.coefficients
-    begin, end = cell
-    first = int(np.searchsorted(breaks[1:-1], begin, side="right"))
-    last = int(np.searchsorted(breaks[1:-1], end, side="left"))
-    since = breaks[first : last + 1]
-    s = np.maximum(begin - since, 0.0)
-    h = np.minimum(end, breaks[first + 1 : last + 2]) - since - s
-    steps = np.einsum("sjk,ski->sij", c[first : last + 1], _to_bernstein(s, h, c.shape[2]))
-    middle = trajectory.sample([0.5 * (begin + end)])[0]
-    steps -= middle
-    for mimic in chain.mimic_joints:
-        own = mimic.multiplier * steps[:, :, mimic.leader : mimic.leader + 1]
-        steps = np.concatenate([steps, own], axis=2)
-    most = np.abs(steps).max(axis=(0, 1))
-    return joint_frames(chain, middle), np.ascontiguousarray(steps), most
-
-
-def _to_bernstein(s: Array, h: Array, k: int) -> Array:
-    """Matrices from powers of time to Bernstein coefficients on [s, s + h], shape (m, k, k).
-
-    Args:
-        s: Begin of each stretch, shape (m,).
-        h: Length of each stretch, shape (m,).
-        k: Number of coefficients.
-    """
-    power, (shift, rise) = np.arange(k), _binomials(k)
-    exponent = np.maximum(power[:, None] - power, 0)
-    moved = shift * s[:, None, None] ** exponent * h[:, None, None] ** power
-    return np.asarray(moved @ rise)
-
-
-@bounded_cache(maxsize=8)
-def _binomials(k: int) -> tuple[Array, Array]:
-    """C(row, column), and C(i, m) / C(k - 1, m) for powers m and coefficients i, (k, k) each."""
-    power = np.arange(k)
-    shift = np.asarray(comb(power[:, None], power), dtype=np.float64)
-    return shift, shift.T / comb(k - 1, power)[:, None]
+    motion, none = (trajectory.breaks, trajectory.coefficients), np.zeros(len(pairs.rows), np.int64)
+    state = Search(
+        0, none, np.arange(len(none)), np.zeros((len(none), 3)), np.empty((64, 2)),
+        np.empty((1024, 7), np.int64), (0, 0),
+    )  # fmt: skip
+    while state.depth <= MAX_DEPTH and len(state.rows):
+        late = deadline is not None and deadline.passed
+        last = state.depth if late else MAX_DEPTH
+        state = search(solids, motion, pairs.rows, pairs.needs, Search(*state), last)
+    facts, (f, c) = state.facts, state.told
+    return Facts(trajectory.duration * state.cells[:c], facts[:f, :6], facts[:f, 6] == SETTLED)

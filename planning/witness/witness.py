@@ -5,18 +5,18 @@ touch) are told exactly; the hints are directions that part solids over cells of
 one proves nothing. The format is defined in docs/witness.md.
 """
 
-from itertools import groupby
-from operator import itemgetter
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from kinematics.arrays import Array, typed
+from kinematics.arrays import Array, Indices, typed
+from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
-from obstacles.convex.piece import PieceKind
-from obstacles.robots.allowed_pairs import allowed_pairs
+from obstacles.convex.piece import PieceArrays, PieceKind
+from obstacles.robots.allowed_pairs import AllowedPair, allowed_pairs
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
@@ -27,9 +27,10 @@ from planning.proof.premises import Premises
 from planning.values.deadline import Deadline
 from planning.values.limits import MotionLimits
 from planning.witness.bound import Solids
-from planning.witness.facts import Facts, Pairs, facts_of, pairs_of, solids_of
+from planning.witness.compact import Packed, Witness, packed
+from planning.witness.facts import Facts, facts_of, pairs_of, solids_of
 
-FORMAT, VERSION = "armwright-witness", 1
+FORMAT, VERSION = "armwright-witness", 2
 #: A frame is a rotation where no entry of R'R - 1 is larger.
 _RIGID = 1e-12
 _JOINT_KINDS = ("revolute", "prismatic")
@@ -51,10 +52,10 @@ def witness(
     margin: float = 0.0,
     limits: MotionLimits | None = None,
     constraints: ConstraintSet | None = None,
-    tool_motions: int = 0,
+    untold: Mapping[str, int] | None = None,
     deadline: Deadline | None = None,
-) -> dict[str, Any]:
-    """Witness of a motion, as a JSON document of the format in docs/witness.md.
+) -> Witness:
+    """Witness of a motion, in the format of docs/witness.md: ``compact`` bytes or a ``document``.
 
     Nothing is proved here: what a checker can't follow is not covered, or told in ``unwitnessed``.
 
@@ -65,7 +66,7 @@ def witness(
         margin: Distance to keep from obstacles beyond their own margins [m].
         limits: Limits in place of the robot's.
         constraints: Constraints of the path; they are counted, not witnessed, but for clearance.
-        tool_motions: Number of motions that the tool has to keep to; they are counted likewise.
+        untold: Counts of what else was proved of the motion and the format has no words for.
         deadline: Instant from which on no more directions are looked for.
 
     Raises:
@@ -77,20 +78,20 @@ def witness(
     _check(trajectory, robot.chain, margin)
     margin = constrained_margin(margin, constraints)
     solids, pairs = solids_of(robot, scene), pairs_of(robot, scene, margin)
-    facts = facts_of(trajectory, robot, scene, pairs, deadline)
+    facts = facts_of(trajectory, solids, pairs, deadline)
     premises = Premises.of_cell(robot, scene, margin)
-    bounds, untold = _limits(trajectory, robot.chain, wanted)
+    bounds, broken = _limits(trajectory, robot.chain, wanted)
     effort = wanted.effort
     counts = {
-        "jerk": trajectory.n if untold else 0,
+        "jerk": trajectory.n if broken else 0,
         "constraints": len(constraints.constraints) if constraints else 0,
-        "tool_motions": tool_motions,
         "torque": 0 if effort is None or effort.effort is None else len(effort.effort),
         "tool_speed": int(effort is not None and effort.tool_speed is not None),
         "solids": len(robot.unseen) if has_solids(robot) else 1,
         "touch_depth": sum(item.limited for item in allowed_pairs(robot, scene)),
+        **(untold or {}),
     }
-    return {
+    fields = {
         "format": FORMAT,
         "version": VERSION,
         "hashes": {
@@ -99,20 +100,21 @@ def witness(
             "trajectory": trajectory.content_hash,
         },
         "joints": _joints(robot.chain),
-        "solids": _solids(robot, scene, solids, margin),
-        "may_touch": [[*item.pair, item.reason] for item in allowed_pairs(robot, scene)],
+        "solids": [*_links(robot), *_obstacles(scene, margin)],
+        "may_touch": _may_touch(allowed_pairs(robot, scene)),
         "limits": bounds,
-        "knots": trajectory.breaks.tolist(),
-        "polynomials": trajectory.coefficients.tolist(),
-        "start": trajectory.start.tolist(),
-        "goal": trajectory.end.tolist(),
-        "cells": [list(cell) for cell in facts.cells],
-        "facts": _facts(facts, pairs, solids),
+        "knots": trajectory.breaks,
+        "polynomials": trajectory.coefficients,
+        "start": trajectory.start,
+        "goal": trajectory.end,
+        "cells": facts.cells,
+        "facts": _facts(facts, solids),
         "unwitnessed": [
-            *_unsettled(facts, pairs, robot, scene),
+            *_unsettled(facts, robot, scene),
             *({"what": what, "count": count} for what, count in counts.items() if count),
         ],
     }
+    return Witness(fields)
 
 
 def _check(trajectory: Trajectory, chain: Chain, margin: float) -> None:
@@ -124,21 +126,25 @@ def _check(trajectory: Trajectory, chain: Chain, margin: float) -> None:
         )
     if not 0.0 <= margin < np.inf:
         raise InvalidOption(f"margin is {margin}", hint="Give 0 or more [m].")
-    frames = [*chain.offsets, *(mimic.T_parent_joint for mimic in chain.mimic_joints)]
-    for T in frames:
-        R = T[:3, :3]
-        if not np.abs(R.T @ R - np.eye(3)).max() <= _RIGID:
-            raise InvalidOption(
-                f"a joint's frame in robot {chain.name!r} is no rotation to 12 digits",
-                hint="Give rotations of the description with all their digits.",
-            )
+    if not _rigid(chain):
+        raise InvalidOption(
+            f"a joint's frame in robot {chain.name!r} is no rotation to 12 digits",
+            hint="Give rotations of the description with all their digits.",
+        )
 
 
-def _transform(T: Array) -> list[float]:
-    return [float(value) for value in T[:3].reshape(-1)]
+@bounded_cache(maxsize=8)
+def _rigid(chain: Chain) -> bool:
+    R = np.array([*chain.offsets, *(m.T_parent_joint for m in chain.mimic_joints)])[:, :3, :3]
+    return bool(np.abs(R.swapaxes(1, 2) @ R - np.eye(3)).max() <= _RIGID)
 
 
-def _joints(chain: Chain) -> list[dict[str, Any]]:
+def _transform(T: Array) -> Array:
+    return T[:3].reshape(-1)
+
+
+@bounded_cache(maxsize=8)
+def _joints(chain: Chain) -> Packed:
     """Joints, each the mover of the body of its number."""
     own = [
         {
@@ -159,85 +165,84 @@ def _joints(chain: Chain) -> list[dict[str, Any]]:
         }
         for mimic in chain.mimic_joints
     ]
-    return own + followers
+    return _packed(own + followers)
 
 
-def _solids(
-    robot: RobotGeometry, scene: Scene, solids: Solids, margin: float
-) -> list[dict[str, Any]]:
-    _, owners, margins = scene.pieces()
-    names = [*robot.links, *(scene.ids[k] for k in owners)]
-    keep = [0.0] * len(robot.links) + (margins + margin).tolist()
-    rows = []
-    for k, (name, body) in enumerate(zip(names, solids.body.tolist(), strict=True)):
-        kind = PieceKind(int(solids.kinds[k]))
-        radius, half_height, rounding = solids.sizes[k].tolist()
-        row = {"name": name, "body": body, "kind": _SOLID_KINDS[kind]}
-        row["transform"] = _transform(solids.poses[k])
-        if kind == PieceKind.POLYTOPE:
-            row["vertices"] = solids.columns[:, solids.starts[k] : solids.starts[k + 1]].T.tolist()
-        elif kind != PieceKind.HALFSPACE:
-            row |= {"radius": radius, "half_height": half_height}
-        row["rounding"] = rounding
-        rows.append(row if k < len(robot.links) else {**row, "margin": keep[k]})
-    return rows
+def _packed(value: Any) -> Packed:
+    return Packed(value, packed(value))
+
+
+@bounded_cache(maxsize=16)
+def _may_touch(allowed: tuple[AllowedPair, ...]) -> Packed:
+    return _packed([[*item.pair, item.reason] for item in allowed])
+
+
+@bounded_cache(maxsize=8)
+def _links(robot: RobotGeometry) -> tuple[Packed, ...]:
+    """The robot's solids."""
+    rows = zip(robot.links, robot.joints.tolist(), strict=True)
+    return tuple(_packed(_solid(robot.arrays, k, *row)) for k, row in enumerate(rows))
+
+
+def _obstacles(scene: Scene, margin: float) -> list[dict[str, Any]]:
+    """The scene's solids."""
+    arrays, owners, margins = scene.pieces()
+    names, keep = scene.ids, (margins + margin).tolist()
+    return [
+        _solid(arrays, k, names[owner], -1) | {"margin": keep[k]}
+        for k, owner in enumerate(owners.tolist())
+    ]
+
+
+def _solid(arrays: PieceArrays, k: int, name: str, body: int) -> dict[str, Any]:
+    kind = PieceKind(int(arrays.kinds[k]))
+    radius, half_height, rounding = arrays.sizes[k].tolist()
+    row = {"name": name, "body": body, "kind": _SOLID_KINDS[kind]}
+    row["transform"] = _transform(arrays.poses[k])
+    if kind == PieceKind.POLYTOPE:
+        row["vertices"] = arrays.vertices[arrays.starts[k] : arrays.starts[k + 1]]
+    elif kind != PieceKind.HALFSPACE:
+        row |= {"radius": radius, "half_height": half_height}
+    return row | {"rounding": rounding}
 
 
 def _limits(
     trajectory: Trajectory, chain: Chain, wanted: MotionLimits
-) -> tuple[dict[str, list[Any]], bool]:
-    """Limits of each joint, None where there is none, and whether a jerk limit is left out."""
+) -> tuple[dict[str, Array], bool]:
+    """Limits of each joint, NaN where there is none, and whether a jerk limit is left out."""
     limits = chain.limits
-    told: dict[str, list[Any]] = {
-        "position": [
-            [_known(low), _known(high)]
-            for low, high in zip(limits.lower, limits.upper, strict=True)
-        ]
-    }
+    told = {"position": _known(np.column_stack([limits.lower, limits.upper]))}
     for name in _QUANTITIES:
-        told[name] = [_known(v) for v in wanted.bounds.get(name, getattr(limits, name))]
-    limited = any(value is not None for value in told["jerk"])
-    reports, _, exceeded = check_limits(trajectory, limits, wanted)
-    kept = "jerk" in reports and not exceeded
+        told[name] = _known(wanted.bounds.get(name, getattr(limits, name)))
+    limited = not np.isnan(told["jerk"]).all()
+    kept = limited
+    if limited:
+        reports, _, exceeded = check_limits(trajectory, limits, wanted)
+        kept = "jerk" in reports and not exceeded
     if not kept:
-        told["jerk"] = [None] * chain.n
+        told["jerk"] = np.full(chain.n, np.nan)
     return told, limited and not kept
 
 
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def _known(values: Array) -> Array:
+    return np.where(np.isfinite(values), values, np.nan)
 
 
-def _facts(facts: Facts, pairs: Pairs, solids: Solids) -> dict[str, list[Any]]:
-    """Facts by their kind, those of a pair together."""
-    order = np.lexsort([facts.within, facts.pairs])
-    order = order[facts.known[order]]
-    halfspace = (solids.kinds == PieceKind.HALFSPACE).tolist()
-    both, cells = pairs.rows.tolist(), facts.within[order].tolist()
-    ways = facts.directions[order].astype(np.int64).tolist()
-    told: dict[str, list[Any]] = {"plane": [], "half-space": []}
-    facts_of_pairs = groupby(
-        zip(facts.pairs[order].tolist(), cells, ways, strict=True), key=itemgetter(0)
-    )
-    for number, group in facts_of_pairs:
-        a, b = both[number]
-        if halfspace[b]:
-            told["half-space"].append([a, b, [cell for _, cell, _ in group]])
-        else:
-            told["plane"].append([a, b, [[cell, *way] for _, cell, way in group]])
-    return told
+def _facts(facts: Facts, solids: Solids) -> dict[str, Indices]:
+    """Facts by their kind."""
+    rows = facts.rows[facts.known]
+    along = solids.kinds[rows[:, 1]] == PieceKind.HALFSPACE
+    return {"plane": rows[~along], "half-space": rows[along, :3]}
 
 
-def _unsettled(
-    facts: Facts, pairs: Pairs, robot: RobotGeometry, scene: Scene
-) -> list[dict[str, Any]]:
+def _unsettled(facts: Facts, robot: RobotGeometry, scene: Scene) -> list[dict[str, Any]]:
     """Pairs whose convex solids nothing parts over some cells: triangles decide, if anything."""
     names = [*robot.links, *(scene.ids[k] for k in scene.pieces()[1])]
-    left = ~facts.known
-    rows = []
-    for number in np.unique(facts.pairs[left]):
-        cells = facts.within[left & (facts.pairs == number)].tolist()
-        a, b = pairs.rows[number].tolist()
-        told = {"pair": [a, b], "names": [names[a], names[b]], "cells": cells}
-        rows.append({"what": "pair", "count": len(cells), **told})
-    return rows
+    left, told = facts.rows[~facts.known], list[dict[str, Any]]()
+    if not len(left):
+        return told
+    for a, b in np.unique(left[:, :2], axis=0).tolist():
+        cells = left[(left[:, 0] == a) & (left[:, 1] == b), 2]
+        row = {"what": "pair", "count": len(cells), "pair": np.array([a, b])}
+        told.append(row | {"names": [names[a], names[b]], "cells": cells})
+    return told

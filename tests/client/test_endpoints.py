@@ -212,7 +212,8 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
      None),
     ("plans.stop", lambda c: c.plans.stop("7", 0.5, kind="joints"), "POST", "/v1/plans/7/stop",
      {"at": 0.5, "kind": "joints"}),
-    ("plans.witness", lambda c: c.plans.witness("7"), "GET", "/v1/plans/7/witness", None),
+    ("plans.witness", lambda c: c.plans.witness("7", part=2), "GET",
+     "/v1/plans/7/witness?form=compact&part=2", None),
     ("plans.swept", lambda c: c.plans.swept("7", format="stl"), "GET",
      "/v1/plans/7/swept?format=stl&tolerance=0.005", None),
 ]  # fmt: skip

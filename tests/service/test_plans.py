@@ -1,5 +1,6 @@
 """Kept plans over HTTP: kept, listed, replayed with changes, and taken to another installation."""
 
+import base64
 import json
 from collections.abc import Iterator
 from typing import Any
@@ -13,7 +14,7 @@ from armwright_wire.plans.kept_plan import Bundle, KeptPlan, PlanList, ReplayAns
 from service.app import create_app
 from service.http.keeping import answer_digest
 from service.settings import Settings
-from tests.planning.witness.problems import rejected
+from tests.planning.witness.problems import checker, rejected
 from tests.service.processes import wait_until
 from tests.service.robots import FLOOR, HOME, answer, bench, problem, scene
 from tests.service.schemas.bodies import BUNDLE
@@ -150,22 +151,28 @@ def test_the_space_of_a_kept_motion_is_a_mesh(here: httpx.Client, plan: dict[str
 def test_the_witness_of_a_kept_motion_is_accepted(here: httpx.Client, plan: dict[str, Any]) -> None:
     """That of the kept plan is the one which the answer would have had."""
     with Client(str(here.base_url)) as client:
-        later = client.plans.witness(plan["plan_id"])
+        file = client.plans.witness(plan["plan_id"])
+    later = checker().read(file)
     assert rejected(later) is None
     assert later["unwitnessed"] == []
-    assert later["polynomials"]
+    assert answer(here.get(f"/v1/plans/{plan['plan_id']}/witness")) == later
     asked = answer(here.post("/v1/plan", json=PLAN | {"witness": True, "keep": True}))
-    assert asked["certificate"]["witness"] == later
+    assert asked["certificate"]["witness"] == {
+        "compact": base64.b64encode(file).decode(),
+        "unwitnessed": [],
+    }
     assert asked["reproducibility"]["request_hash"] == plan["reproducibility"]["request_hash"]
     assert answer(here.get(f"/v1/plans/{asked['plan_id']}/witness")) == later
     proof = {"robot": ARM, "trajectory": plan["trajectory"], "scene": PLAN["scene"], "keep": True}
     certificate = answer(here.post("/v1/validate", json=proof | {"witness": True}))
-    assert rejected(certificate["witness"]) is None
-    assert certificate["witness"]["facts"] == later["facts"]
+    told = checker().read(base64.b64decode(certificate["witness"]["compact"]))
+    assert rejected(told) is None
+    assert told["facts"] == later["facts"]
     plain = answer(here.post("/v1/validate", json=proof))
     assert "witness" not in plain
-    kept = answer(here.get(f"/v1/plans/{plain['plan_id']}/witness"))
-    assert kept == certificate["witness"]
+    assert answer(here.get(f"/v1/plans/{plain['plan_id']}/witness")) == told
+    none = problem(here.get(f"/v1/plans/{plain['plan_id']}/witness?part=1"), 422, "VALIDATION_ERROR")
+    assert "no part 1" in none["detail"]
     checked = {"robot": ARM, "joints": [0.0, 0.0], "keep": True}
     still = answer(here.post("/v1/check", json=checked))["plan_id"]
     told = problem(here.get(f"/v1/plans/{still}/witness"), 422, "VALIDATION_ERROR")

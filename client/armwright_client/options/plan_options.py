@@ -232,6 +232,7 @@ class TaskOptions(PlanningOptions, total=False):
         improve: Time to look for a better answer after the first [s].
         allow_partial: Whether the first stages are an answer where not all can be done.
         stops: Stops that every motion is proved to have from every instant.
+        witness: Whether each certificate has a witness, from which anybody can check it.
     """
 
     stops: Stops
@@ -239,6 +240,7 @@ class TaskOptions(PlanningOptions, total=False):
     fingers: Mapping[str, float]
     improve: float
     allow_partial: bool
+    witness: bool
 
 
 class TourOptions(PlanningOptions, total=False):
@@ -256,6 +258,7 @@ class TourOptions(PlanningOptions, total=False):
         leg_timeout: Longest that one leg is planned [s].
         allow_partial: Whether a tour that leaves goals out is an answer.
         stops: Stops that every leg is proved to have from every instant.
+        witness: Whether each certificate has a witness, from which anybody can check it.
     """
 
     stops: Stops
@@ -268,3 +271,4 @@ class TourOptions(PlanningOptions, total=False):
     rounds: int
     leg_timeout: float
     allow_partial: bool
+    witness: bool

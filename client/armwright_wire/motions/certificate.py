@@ -200,7 +200,9 @@ class CertificateAnswer(Answer):
     cells: int = Field(0, description="intervals of time that were looked at")
     violation: dict[str, Any] | None = Field(None, description="the first, with its time")
     witness: dict[str, Any] | None = Field(
-        None, description="where it was asked for: a document to check the proof by"
+        None,
+        description="where it was asked for: a file to check the proof by, `compact` as Base64, and "
+        "what it does not show, `unwitnessed`",
     )
     frame: str | None = Field(None, description="of an answer to validate: that poses are in")
     frame_note: str | None = Field(

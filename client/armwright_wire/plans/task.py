@@ -23,7 +23,7 @@ from armwright_wire.goals.tool_motion import ReferencePoseAnswer
 from armwright_wire.motions.certificate import CertificateAnswer, Stops
 from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer
-from armwright_wire.plans.plan import PathAnswer, Reproducibility, Stage
+from armwright_wire.plans.plan import PathAnswer, Reproducibility, Stage, Witness
 from armwright_wire.plans.stages import MAX_STAGES, MAX_TARGETS, StageUnion
 from armwright_wire.pose import Pose, PoseAnswer
 from armwright_wire.scenes.check import (
@@ -83,6 +83,7 @@ class TaskRequest(WithTool, Keepable):
     allow_partial: bool = Field(
         False, description="the first stages are an answer where not all can be done"
     )
+    witness: Witness = False
     timeout: Timeout | None = Field(None, description="for all stages together [s]")
     seed: Seed = 0
 

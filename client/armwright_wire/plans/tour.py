@@ -39,7 +39,7 @@ from armwright_wire.goals.goal import (
 from armwright_wire.motions.certificate import CertificateAnswer, Stops
 from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer
-from armwright_wire.plans.plan import PathAnswer, Reproducibility
+from armwright_wire.plans.plan import PathAnswer, Reproducibility, Witness
 from armwright_wire.pose import PoseInFrame
 from armwright_wire.robots.reach import ReachTolerance
 from armwright_wire.scenes.check import AllowedAnswers, AllowedCollisions, AttachedObjects, Margin
@@ -160,6 +160,7 @@ class TourRequest(WithTool, Keepable):
     allow_partial: bool = Field(
         False, description="whether a tour that leaves goals out is an answer"
     )
+    witness: Witness = False
     timeout: Timeout | None = Field(None, description="for the whole tour [s]")
     seed: Seed = Field(0, description="of everything random")
 

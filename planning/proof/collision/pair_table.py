@@ -211,7 +211,7 @@ def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
     tops = [len(joined.kinds) - nodes] if nodes else []
     tops += [moving + k for k, kind in enumerate(kinds.tolist()) if kind == _HALFSPACE]
     return PairArrays(
-        *_joints(robot.chain),
+        *joints_of(robot.chain),
         roots=_roots(
             robot, rows_before(opened, p), scene.ids, scene.allowed_collisions, tuple(tops)
         ),
@@ -251,8 +251,8 @@ def _around(
 
 
 @bounded_cache(maxsize=8, weigh=array_bytes)
-def _joints(chain: Chain) -> tuple[Indices, Array, Array, Indices]:
-    """The first columns of ``PairArrays``, which tell how bodies hang on each other."""
+def joints_of(chain: Chain) -> tuple[Indices, Array, Array, Indices]:
+    """How bodies hang on each other: the first columns of ``PairArrays``."""
     n, mimic_joints = chain.n, chain.mimic_joints
     bodies = np.empty((2, n + len(mimic_joints)), dtype=np.int64)
     bodies[TYPE, :n], bodies[PARENT, :n] = chain.joint_types, np.arange(-1, n - 1)
@@ -334,7 +334,7 @@ def _asked_rows(robot: RobotGeometry, opened: Rows) -> NDArray[np.bool_]:
 
 @bounded_cache(maxsize=8)
 def _asked_of_pieces(robot: RobotGeometry) -> NDArray[np.bool_]:
-    bodies, starts = _joints(robot.chain)[0], link_parts(robot)
+    bodies, starts = joints_of(robot.chain)[0], link_parts(robot)
     asked = np.zeros((len(starts) - 1, bodies.shape[1]), dtype=np.bool_)
     asked[:, :1] = True
     joints = robot.joints[starts[:-1]]

@@ -31,6 +31,7 @@ from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
 from planning.stops.certificate import Surroundings, certify_stops
 from planning.values.limits import MotionLimits
+from planning.witness.compact import Witness
 from planning.witness.witness import witness
 from service.endpoints.attached_objects import RobotInScene, robot_in_scene, with_surroundings
 from service.storage.caches import worker_cache
@@ -53,6 +54,7 @@ from service.translate.tool_motions import (
     timed_tool_motions,
     tool_motions_answer,
 )
+from service.translate.witnesses import witness_answer
 from service.version import VERSION
 from service.workers import current
 from service.workers.answer import in_frame
@@ -155,7 +157,8 @@ def plan_outcome(
         )
     answer = _answer(outcome, body, cell)
     if body.witness:
-        answer["certificate"]["witness"] = plan_witness(problem, options, outcome.trajectory)
+        found = plan_witness(problem, options, outcome.trajectory)
+        answer["certificate"]["witness"] = witness_answer(found)
     content = to_json(answer, inf_nan_mode="null")
     stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
     return PlanOutcome(content, outcome.planner, stages)
@@ -167,7 +170,7 @@ def _splice(chain: Chain, body: PlanRequest, left: bytes) -> Splice:
     return Splice(motion, (body.start.at or 0.0) - begins)
 
 
-def plan_witness(problem: Problem, options: Options, motion: Trajectory) -> dict[str, Any]:
+def plan_witness(problem: Problem, options: Options, motion: Trajectory) -> Witness:
     """Witness of a motion that was planned.
 
     Args:
@@ -186,7 +189,7 @@ def plan_witness(problem: Problem, options: Options, motion: Trajectory) -> dict
         margin=problem.margin,
         limits=limits,
         constraints=problem.constraints,
-        tool_motions=max(len(options.cartesian.motions), 1) if cartesian else 0,
+        untold={"tool_motions": max(len(options.cartesian.motions), 1) if cartesian else 0},
         deadline=current.deadline(),
     )
 
@@ -276,16 +279,17 @@ def validate(robot: Reference, scene: Reference | None, content: bytes) -> bytes
             return timed_out("the work was done", "stops")
         answer |= certificates.stops_answer(stops, begins)
     if body.witness:
-        answer["witness"] = witness(
+        found = witness(
             motion,
             arm,
             cell.scene,
             margin=body.margin,
             limits=limits,
             constraints=wanted,
-            tool_motions=0 if body.tool_motions is None else len(body.tool_motions.motions),
+            untold={"tool_motions": len(body.tool_motions.motions) if body.tool_motions else 0},
             deadline=current.deadline(),
         )
+        answer["witness"] = witness_answer(found)
     return to_json(answer | in_frame(chain) | notes_of(body, cell.notes), inf_nan_mode="null")
 
 

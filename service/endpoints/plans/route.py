@@ -56,8 +56,8 @@ router = json_router("kept plans", "/v1/plans")
 _VIEW_TIMEOUT = 60.0
 #: Time for answering the request of an imported plan; longer ones are not proved here [s].
 _PROOF_TIMEOUT = 120.0
-#: Of meshes: generators of clients know none of theirs.
-_MESH = "application/octet-stream"
+#: Of meshes and witnesses: generators of clients know none of theirs.
+_BYTES = "application/octet-stream"
 #: Status of a kept problem whose own is not known: an imported one.
 _FAILED = 422
 _SUCCEEDED = 200
@@ -184,7 +184,7 @@ async def view_plan(
     responses={
         200: {
             "description": "A mesh that holds all of it",
-            "content": {_MESH: {"schema": {"type": "string", "format": "binary"}}},
+            "content": {_BYTES: {"schema": {"type": "string", "format": "binary"}}},
         }
     },
 )
@@ -208,7 +208,7 @@ async def swept_plan(
         lambda robot, scene, kept: swept_task.job(robot, scene, kept, format, tolerance),
     )
     name = f'attachment; filename="armwright-swept-{record.id}.{format}"'
-    return Response(result, media_type=_MESH, headers={"Content-Disposition": name})
+    return Response(result, media_type=_BYTES, headers={"Content-Disposition": name})
 
 
 @router.post("/{id}/stop", summary="Stop the motion of a kept plan", response_model=StopAnswer)
@@ -227,12 +227,28 @@ async def stop_plan(id: str, body: StopRequest, request: Request) -> Response:  
 
 
 @router.get(
-    "/{id}/witness", summary="Get the witness of a kept plan", response_model=dict[str, Any]
+    "/{id}/witness",
+    summary="Get the witness of a kept plan",
+    response_model=dict[str, Any],
+    responses={200: {"description": "JSON or the compact form", "content": {_BYTES: {}}}},
 )
-async def plan_witness(id: str, request: Request) -> Response:  # noqa: A002
-    """A document from which anybody can check a kept plan or proof without this service."""
-    _, result = await _computed(id, request, witness_task.job)
-    return Response(result, media_type="application/json")
+async def plan_witness(
+    id: str,  # noqa: A002
+    request: Request,
+    form: Annotated[
+        Literal["json", "compact"], Query(description="of the document; both say the same")
+    ] = "json",
+    part: Annotated[int, Query(ge=0, description="stage of a task or leg of a tour")] = 0,
+) -> Response:
+    """A document from which anybody can check a kept plan or proof without this service.
+
+    Its compact form is what both checkers read; JSON says the same.
+    """
+    compact = form == "compact"
+    _, result = await _computed(
+        id, request, lambda robot, scene, kept: witness_task.job(robot, scene, kept, part, compact)
+    )
+    return Response(result, media_type=_BYTES if compact else "application/json")
 
 
 @router.post("/{id}/replay", summary="Replay a kept plan", response_model=ReplayAnswer)

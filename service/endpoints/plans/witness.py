@@ -1,11 +1,13 @@
 """The witness of the motion of a kept plan, in a worker."""
 
+import base64
 import json
 from typing import Any
 
 from pydantic_core import to_json
 
 from kinematics.errors import InvalidOption
+from planning.witness.compact import unpacked
 from service.endpoints.plan.task import plan_witness, question, validate
 from service.storage.caches.cache_key import Reference
 from service.translate import problems, trajectories
@@ -13,39 +15,63 @@ from service.workers import current
 from service.workers.result import TaskProblem
 from service.workers.task import GRACE, task
 
+#: Parts of answers that have a certificate each.
+_PARTS = {"POST /v1/tasks": "stages", "POST /v1/tours": "legs"}
+
 
 @task(grace=GRACE)
-def witness(robot: Reference, scene: Reference | None, content: bytes) -> bytes | TaskProblem:
+def witness(
+    robot: Reference, scene: Reference | None, content: bytes, part: int, compact: bool
+) -> bytes | TaskProblem:
     """Answer the witness of a kept plan or proof.
 
     Args:
         robot: The robot.
         scene: The scene, where the request names a stored one.
         content: The kept plan as ``GET /v1/plans/{id}`` answers it.
+        part: Number of the stage of a task or the leg of a tour.
+        compact: Whether the compact form is asked for, else JSON.
 
     Raises:
-        InvalidOption: It has no motion, or is of an operation without witnesses.
+        InvalidOption: It has no motion, no such part, or is of an operation without witnesses.
     """
     whole = json.loads(content)
-    request, answer = whole["request"], whole.get("answer") or {}
-    known = answer.get("certificate", answer).get("witness")
-    if known is not None:
-        return to_json(known)
-    if whole["operation"] == "POST /v1/validate":
+    found = _compact(robot, scene, whole, part)
+    if isinstance(found, TaskProblem):
+        return found
+    return found if compact else to_json(unpacked(found))
+
+
+def _compact(
+    robot: Reference, scene: Reference | None, whole: dict[str, Any], part: int
+) -> bytes | TaskProblem:
+    request, answer, operation = whole["request"], whole.get("answer") or {}, whole["operation"]
+    parts = answer.get(_PARTS[operation], []) if operation in _PARTS else [answer]
+    if not part < len(parts):
+        raise InvalidOption(
+            f"this kept plan has no part {part}", hint=f"It has {len(parts)}, the first is 0."
+        )
+    known = parts[part].get("certificate", parts[part]).get("witness")
+    if known is None and operation == "POST /v1/validate":
         proof = validate(robot, scene, to_json({**request, "witness": True}))
-        return to_json(json.loads(proof)["witness"]) if isinstance(proof, bytes) else proof
-    if whole["operation"] != "POST /v1/plan" or not answer:
+        if not isinstance(proof, bytes):
+            return proof
+        known = json.loads(proof)["witness"]
+    if known is not None:
+        return base64.b64decode(known["compact"])
+    if operation != "POST /v1/plan" or not answer:
         raise InvalidOption(
             "this kept plan has no witness",
-            hint="Ask for that of a plan or of a proof that was answered.",
+            hint="Ask for that of a plan or of a proof that was answered, or of a task or a tour "
+            'that was asked for with "witness": true.',
         )
-    return to_json(_of_plan(robot, scene, to_json(request), answer))
+    return _of_plan(robot, scene, to_json(request), answer)
 
 
 def _of_plan(
     robot: Reference, scene: Reference | None, request: bytes, answer: dict[str, Any]
-) -> dict[str, Any]:
+) -> bytes:
     body, cell, problem = question(robot, scene, request)
     motion, _ = trajectories.answered_trajectory(answer["trajectory"], cell.robot.chain)
     options = problems.options(body, cell.robot.chain, current.deadline().remaining)
-    return plan_witness(problem, options, motion)
+    return plan_witness(problem, options, motion).compact

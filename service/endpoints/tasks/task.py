@@ -36,9 +36,10 @@ from service.endpoints.tasks.stage_cells import (
 )
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
-from service.translate import certificates, poses, problems, trajectories
+from service.translate import certificates, poses, problems, timings, trajectories
 from service.translate.states import configuration
 from service.translate.tool_motions import reference_answer
+from service.translate.witnesses import part_witness
 from service.workers import current
 from service.workers.answer import in_frame
 from service.workers.result import TaskProblem, timed_out
@@ -108,7 +109,18 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
         cells = stage_cells(stages, robot, objects, geometry.fingers.positions)
         for plan, stage, cell in zip(found.stages, stages, cells, strict=True):
             premises = cell.premises(plan.certificate.premises.margin)
-            stage["certificate"]["premises"] = certificates.premises_answer(premises, body.scene)
+            proof = stage["certificate"]
+            proof["premises"] = certificates.premises_answer(premises, body.scene)
+            if body.witness:
+                given = getattr(body.stages[plan.index], "limits", None) or body.limits
+                proof["witness"] = part_witness(
+                    plan.trajectory,
+                    (cell.first.robot, cell.first.scene),
+                    plan.certificate,
+                    timings.given_limits(given, alone.chain.joint_names),
+                    current.deadline(),
+                    int(plan.fingers is not None),
+                )
         return to_json(answer, inf_nan_mode="null")
 
     options = TaskOptions(

@@ -17,8 +17,10 @@ from service.endpoints.tours.translation import (
 )
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
+from service.translate import timings
 from service.translate.poses import rounding_notes
 from service.translate.states import configuration
+from service.translate.witnesses import part_witness
 from service.workers import current
 from service.workers.answer import in_frame
 from service.workers.result import TaskProblem, timed_out
@@ -52,6 +54,11 @@ def tour(robot: Reference, scene: Reference | None, content: bytes) -> bytes | T
     def written(found: Tour) -> bytes:
         answer = tour_answer(found, problem, body.timing.sample_period, body.scene)
         answer["notes"] = [*rounding_notes(body), *cell.notes, *answer["notes"]]
+        bounds = timings.given_limits(body.limits, cell.robot.chain.joint_names)
+        for leg, told in zip(found.legs, answer["legs"], strict=True) if body.witness else ():
+            told["certificate"]["witness"] = part_witness(
+                leg.trajectory, (cell.robot, cell.scene), leg.certificate, bounds, deadline
+            )
         answer |= in_frame(cell.robot.chain)
         answer["reproducibility"] = reproducibility(
             body, cell.robot, cell.scene, deterministic=found.deterministic

@@ -13,7 +13,7 @@ def placed(x: float, y: float, z: float) -> list[float]:
 
 _DOCUMENT: dict[str, Any] = {
     "format": "armwright-witness",
-    "version": 1,
+    "version": 2,
     "hashes": {"robot": None, "scene": None, "trajectory": None},
     "joints": [{"name": "turn", "kind": "revolute", "parent": -1, "transform": _HERE}],
     "solids": [
@@ -39,8 +39,8 @@ _DOCUMENT: dict[str, Any] = {
     "goal": [0.4],
     "cells": [[0.0, 1.0]],
     "facts": {
-        "plane": [[0, k, [[0, 0.0, 1.0, 0.0]]] for k in (1, 2, 3)],
-        "half-space": [[0, 4, [0]]],
+        "plane": [[0, k, 0, 0.0, 1.0, 0.0] for k in (1, 2, 3)],
+        "half-space": [[0, 4, 0]],
     },
     "unwitnessed": [],
 }  # fmt: skip

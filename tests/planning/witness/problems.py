@@ -26,6 +26,7 @@ from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.proof.certificate import certify
 from planning.result import Plan
+from planning.witness.compact import MAGIC, packed
 from planning.witness.witness import witness
 from tests.planning.proof.test_certificate_meshes import (
     arm_text,
@@ -70,6 +71,11 @@ def rejected(document: dict[str, Any]) -> str | None:
     return None
 
 
+def compact(document: Any) -> bytes:
+    """The compact form of a document."""
+    return MAGIC + packed(document)
+
+
 def crowd() -> Scene:
     """A floor, a cone and a ball with a margin beside a pillar."""
     T = np.eye(4)
@@ -99,7 +105,7 @@ def planned(name: str, scene: str, count: int, margin: float = 0.0) -> tuple[Pro
         start, goal = random.uniform(low, high, (2, chain.n))
         answer = plan(Problem(robot, around, start, (JointGoal(goal),), margin), Options())
         if isinstance(answer, Plan):
-            document = witness(answer.trajectory, robot, around, margin=margin)
+            document = witness(answer.trajectory, robot, around, margin=margin).document
             found.append(Proved(answer.trajectory, robot, around, document))
     return tuple(found)
 
@@ -122,7 +128,7 @@ def _free_motions(
         motion = motion_from(robot, q, random)
         if certify(motion, robot, scene).verified:
             found += 1
-            yield Proved(motion, robot, scene, witness(motion, robot, scene))
+            yield Proved(motion, robot, scene, witness(motion, robot, scene).document)
 
 
 @cache
@@ -140,4 +146,4 @@ def peg_in_tube() -> Proved:
     scene = Scene((Obstacle("tube", as_mesh(sheet), transform(None, [0.0, 0.0, 0.2])),))
     line = np.array([[[-0.1, 0.2]]])
     motion = Trajectory(("slide",), np.array([0.0, 1.0]), line)
-    return Proved(motion, robot, scene, witness(motion, robot, scene))
+    return Proved(motion, robot, scene, witness(motion, robot, scene).document)

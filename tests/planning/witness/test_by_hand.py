@@ -27,7 +27,7 @@ def solid(k: int, **fields: Any) -> Change:
 
 
 def fact(*row: float) -> Change:
-    return lambda d: d["facts"]["plane"][0][2].__setitem__(0, list(row))
+    return lambda d: d["facts"]["plane"][0].__setitem__(slice(2, 6), row)
 
 
 def field(name: str, value: Any) -> Change:
@@ -54,8 +54,8 @@ def split(jump: list[float]) -> Change:
 
 
 FALSE = {
-    "another format": (field("format", "witness"), "version 1"),
-    "a later version": (field("version", 2), "version 1"),
+    "another format": (field("format", "witness"), "version 2"),
+    "an earlier version": (field("version", 1), "version 2"),
     "a field is missing": (lambda d: d.pop("cells"), "malformed"),
     "no number": (fact(0, float("nan"), 1.0, 0.0), "no finite number"),
     "the direction is 0": (fact(0, 0.0, 0.0, 0.0), "direction is 0"),
@@ -65,12 +65,12 @@ FALSE = {
     "no fact": (lambda d: d["facts"]["plane"].pop(), "nothing parts solids"),
     "no fact of the wall": (lambda d: d["facts"].pop("half-space"), "nothing parts solids"),
     "a fact of another kind": (lambda d: d["facts"].update(oracle=[]), "not known"),
-    "solids swapped": (lambda d: d["facts"]["plane"][0][:2].reverse() or
-                       d["facts"]["plane"][0].__setitem__(slice(0, 2), [1, 0]), "not proved"),
+    "solids swapped": (
+        lambda d: d["facts"]["plane"][0].__setitem__(slice(0, 2), [1, 0]), "not proved"),
     "no such solid": (lambda d: d["facts"]["plane"][0].__setitem__(1, 9), "no solid"),
-    "no half-space": (lambda d: d["facts"]["half-space"].append([0, 1, [0]]), "no half-space"),
+    "no half-space": (lambda d: d["facts"]["half-space"].append([0, 1, 0]), "no half-space"),
     "a plane for a half-space": (
-        lambda d: d["facts"]["plane"].append([0, 4, [[0, 0.0, 1.0, 0.0]]]), "normal"),
+        lambda d: d["facts"]["plane"].append([0, 4, 0, 0.0, 1.0, 0.0]), "normal"),
     "a cell that ends early": (field("cells", [[0.0, 0.999]]), "nothing parts solids"),
     "a cell that begins late": (field("cells", [[0.001, 1.0]]), "nothing parts solids"),
     "a cell beyond the end": (field("cells", [[0.0, 1.001]]), "not within"),

@@ -1,6 +1,5 @@
 """The checker in C: the same verdicts as the one on balls, with arithmetic of its own."""
 
-import json
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,29 +10,38 @@ import numpy as np
 import pytest
 
 from tests.planning.witness.by_hand import document
-from tests.planning.witness.problems import ROOT, checker, meshes, peg_in_tube, planned, rejected
+from tests.planning.witness.problems import (
+    ROOT,
+    checker,
+    compact,
+    meshes,
+    peg_in_tube,
+    planned,
+    rejected,
+)
 from tests.planning.witness.test_by_hand import FALSE, split
 from tests.planning.witness.test_mutations import MUTATIONS
 
 SOURCE = ROOT / "checkers/c/armwright_check.c"
 MOST_LINES = 700
-Check = Callable[[dict[str, Any] | str], tuple[int, str]]
+Check = Callable[[dict[str, Any] | bytes], tuple[int, str]]
 
 
 @pytest.fixture(scope="module")
 def check(tmp_path_factory: pytest.TempPathFactory) -> Check:
     """The exit code of the command and what it says, for a witness."""
     folder = tmp_path_factory.mktemp("checker")
-    program, file = folder / "armwright-check", folder / "witness.json"
+    program, file = folder / "armwright-check", folder / "witness"
     flags = ("-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off")
     words = (sys.executable, "-m", "ziglang", "cc", *flags, "-o", program, SOURCE, "-lm")
     subprocess.run(words, check=True, timeout=120)
 
-    def checked(witness: dict[str, Any] | str) -> tuple[int, str]:
-        file.write_text(witness if isinstance(witness, str) else json.dumps(witness))
+    def checked(witness: dict[str, Any] | bytes) -> tuple[int, str]:
+        file.write_bytes(witness if isinstance(witness, bytes) else compact(witness))
         done = subprocess.run(
-            (program, file), capture_output=True, text=True, check=False, timeout=20
-        )
+            (program, file), capture_output=True, check=False, timeout=20,
+            text=True, errors="replace",
+        )  # fmt: skip
         return done.returncode, done.stdout
 
     return checked
@@ -106,10 +114,26 @@ def test_many_mutations_are_rejected(check: Check) -> None:
 
 def test_a_file_that_ends_early_is_rejected(check: Check) -> None:
     """Wherever it ends, and with more behind it."""
-    text = json.dumps(document())
-    assert check(text)[0] == 0
-    for end in range(0, len(text), 97):
-        assert check(text[:end])[0] == 1
-    assert check(text + "1") == (1, "rejected: something stands behind the document\n")
-    assert check("[" * 100_000)[0] == 1
-    assert check(text.replace('"version"', '"format"'))[0] == 1
+    content = compact(document())
+    assert check(content)[0] == 0
+    for end in range(0, len(content), 17):
+        assert check(content[:end])[0] == 1
+    assert check(content + b"1") == (1, "rejected: something stands behind the document\n")
+    assert check(content[:4] + b"\x02\x01" * 100_000)[0] == 1
+    assert check(content.replace(b"\x07version", b"\x06format"))[0] == 1
+
+
+def test_bytes_that_are_changed_crash_nothing(check: Check) -> None:
+    """Whatever stands there: both checkers give a verdict, and the same one."""
+    random, content = np.random.default_rng(7), compact(planned("ur5e", "crowd", 4)[0].document)
+    for _ in range(150):
+        changed = bytearray(content)
+        for k in random.integers(4, len(content), random.integers(1, 4)):
+            changed[k] = random.integers(256)
+        code, said = check(bytes(changed))
+        assert code in {0, 1, 2}, said
+        try:
+            told: str | None = rejected(checker().read(bytes(changed)))
+        except (checker().Rejected, ValueError) as error:
+            told = str(error)
+        assert (code == 1) is (told is not None), (said, told)

@@ -15,34 +15,32 @@ Document = dict[str, Any]
 Random = np.random.Generator
 
 
-def _pair(d: Document, random: Random) -> list[Any]:
-    rows = d["facts"]["plane"]
-    return list(rows[random.integers(len(rows))])
+def _fact(d: Document, random: Random) -> int:
+    return int(random.integers(len(d["facts"]["plane"])))
 
 
 def turned(d: Document, random: Random) -> None:
     """A plane is turned round."""
-    _, _, rows = _pair(d, random)
-    row = rows[random.integers(len(rows))]
-    row[1:] = [-x for x in row[1:]]
+    row = d["facts"]["plane"][_fact(d, random)]
+    row[3:] = [-x for x in row[3:]]
 
 
 def dropped(d: Document, random: Random) -> None:
     """A fact is dropped."""
-    _, _, rows = _pair(d, random)
-    del rows[random.integers(len(rows))]
+    del d["facts"]["plane"][_fact(d, random)]
 
 
 def forgotten(d: Document, random: Random) -> None:
     """All facts of a pair are dropped."""
-    del d["facts"]["plane"][random.integers(len(d["facts"]["plane"]))]
+    rows = d["facts"]["plane"]
+    pair = rows[_fact(d, random)][:2]
+    d["facts"]["plane"] = [row for row in rows if row[:2] != pair]
 
 
 def swapped(d: Document, random: Random) -> None:
-    """The two solids of some facts are swapped."""
-    rows = d["facts"]["plane"]
-    k = random.integers(len(rows))
-    rows[k] = [rows[k][1], rows[k][0], rows[k][2]]
+    """The two solids of a fact are swapped."""
+    row = d["facts"]["plane"][_fact(d, random)]
+    row[:2] = row[1::-1]
 
 
 def shrunk(d: Document, random: Random) -> None:

@@ -1,0 +1,225 @@
+"""Compact form of a witness: the document in bytes, each number in as few as tell it exactly.
+
+The form is defined in docs/witness.md. What is the same in many witnesses is packed once.
+"""
+
+import math
+import struct
+from collections.abc import Callable
+from functools import cache
+from io import BytesIO
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compiled.kernel import direct, kernel
+from kinematics.arrays import Array
+
+Bytes = NDArray[np.uint8]
+MAGIC = b"AWTN"
+_NONE, _TEXT, _LIST, _OBJECT, _NUMBERS = range(5)
+#: First bytes of numbers: small whole ones, larger ones, m / 10^k with k = 0 on, none, any.
+_WHOLE, _LARGE, _DECIMAL, _NULL, _DOUBLE = 64, 128, 192, 254, 255
+_DECIMALS = 15
+#: Bytes that a number takes at most.
+_WIDEST = 9
+
+
+class Packed(NamedTuple):
+    """A part of a document that is packed already.
+
+    Args:
+        value: The part.
+        content: Its bytes.
+    """
+
+    value: Any
+    content: bytes
+
+
+class Witness(NamedTuple):
+    """A witness by its fields; numbers are in arrays, where NaN stands for none."""
+
+    fields: dict[str, Any]
+
+    @property
+    def compact(self) -> bytes:
+        """The compact form."""
+        return MAGIC + packed(self.fields)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The document, as JSON has it."""
+        answer: dict[str, Any] = _plain(self.fields)
+        return answer
+
+    def document_of(self, name: str) -> Any:
+        """One field of the document."""
+        return _plain(self.fields[name])
+
+
+def packed(value: Any) -> bytes:
+    """A value of a document in bytes.
+
+    Args:
+        value: None, a text, a number, an array or a list of numbers, None among them or not, or
+            dicts and lists of such.
+    """
+    if isinstance(value, Packed):
+        return value.content
+    if value is None:
+        return bytes([_NONE])
+    if isinstance(value, str):
+        return bytes([_TEXT]) + _text(value)
+    if isinstance(value, dict):
+        parts = [b"".join((_text(name), packed(item))) for name, item in value.items()]
+        return bytes([_OBJECT]) + _count(len(parts)) + b"".join(parts)
+    if isinstance(value, int | float) and -_WHOLE <= value < _LARGE - _WHOLE and value % 1 == 0:
+        return bytes([_NUMBERS, 0, int(value) + _WHOLE])
+    table = _table(value)
+    if table is None:
+        return bytes([_LIST]) + _count(len(value)) + b"".join(map(packed, value))
+    out = np.empty(_WIDEST * table.size, dtype=np.uint8)
+    used = _writer()(table.reshape(-1), table.reshape(-1).view(np.uint8), out)
+    head = bytes([_NUMBERS, table.ndim]) + b"".join(map(_count, table.shape))
+    return head + out[:used].tobytes()
+
+
+def unpacked(content: bytes) -> Any:
+    """The document of a compact form that this service made."""
+    reader = BytesIO(content)
+    reader.seek(len(MAGIC))
+    return _value(reader)
+
+
+def _value(reader: BytesIO) -> Any:
+    kind = reader.read(1)[0]
+    if kind == _NONE:
+        return None
+    if kind == _TEXT:
+        return reader.read(_next_count(reader)).decode()
+    if kind == _LIST:
+        return [_value(reader) for _ in range(_next_count(reader))]
+    if kind == _OBJECT:
+        names = range(_next_count(reader))
+        return {reader.read(_next_count(reader)).decode(): _value(reader) for _ in names}
+    shape = [_next_count(reader) for _ in range(reader.read(1)[0])]
+    values = np.array([_number(reader) for _ in range(math.prod(shape))], dtype=object)
+    return values.reshape(shape).tolist()
+
+
+def _next_count(reader: BytesIO) -> int:
+    part = reader.read(1)[0]
+    return part if part < 128 else part - 128 + 128 * _next_count(reader)
+
+
+def _number(reader: BytesIO) -> float | int | None:
+    first = reader.read(1)[0]
+    if first < _LARGE:
+        return first - _WHOLE
+    if first < _DECIMAL:
+        return 256 * (first - _LARGE) + reader.read(1)[0]
+    if first == _NULL:
+        return None
+    if first == _DOUBLE:
+        value: float = struct.unpack("<d", reader.read(8))[0]
+        return value
+    zigzag, k = _next_count(reader), first - _DECIMAL
+    whole = zigzag // 2 if zigzag % 2 == 0 else -(zigzag // 2) - 1
+    return whole / 10.0**k if k else whole
+
+
+def _table(value: Any) -> Array | None:
+    """Numbers as an array, None where there are others or rows differ in length."""
+    if isinstance(value, list | tuple):
+        leaves = list(value)
+        for item in leaves:
+            if isinstance(item, list | tuple):
+                leaves += item
+            elif isinstance(item, bool) or not isinstance(item, int | float | None):
+                return None
+    try:
+        table = np.ascontiguousarray(value, dtype=np.float64).reshape(np.shape(value))
+    except ValueError:
+        return None
+    return None if 0 in table.shape[1:] else table
+
+
+def _text(value: str) -> bytes:
+    content = value.encode()
+    return _count(len(content)) + content
+
+
+def _count(value: int) -> bytes:
+    """A whole number in groups of 7 bits, the lowest first, with 128 added to all but the last."""
+    if value < 128:
+        return bytes([value])
+    return bytes([128 + value % 128]) + _count(value // 128)
+
+
+@cache
+def _writer() -> Callable[[Array, Bytes, Bytes], int]:
+    one = np.zeros(1)
+    return direct(write_numbers, one, one.view(np.uint8), one.view(np.uint8))
+
+
+@kernel
+def write_numbers(values: Array, raw: Bytes, out: Bytes) -> int:
+    """Write numbers one after the other, and tell how many bytes they take.
+
+    Args:
+        values: The numbers, NaN for none, shape (n,).
+        raw: The same in bytes, the lowest first, shape (8 n,).
+        out: Filled, shape (9 n,).
+    """
+    at = 0
+    for i in range(len(values)):
+        x = values[i]
+        if math.isnan(x):
+            out[at] = _NULL
+            at += 1
+            continue
+        whole = abs(x) < 2.0**47 and np.rint(x) == x
+        if whole and -_WHOLE <= x < _LARGE - _WHOLE:
+            out[at] = int(x) + _WHOLE
+            at += 1
+            continue
+        if whole and 0 <= x < (_DECIMAL - _LARGE) * 256:
+            out[at], out[at + 1] = _LARGE + int(x) // 256, int(x) % 256
+            at += 2
+            continue
+        k, power = 0, 1.0
+        while k <= _DECIMALS and abs(x * power) < 2.0**47 and np.rint(x * power) / power != x:
+            k += 1
+            power *= 10.0
+        if k <= _DECIMALS and abs(x * power) < 2.0**47:
+            m = int(np.rint(x * power))
+            m = 2 * m if m >= 0 else -2 * m - 1
+            out[at] = _DECIMAL + k
+            at += 1
+            while m >= 128:
+                out[at] = 128 + m % 128
+                m //= 128
+                at += 1
+            out[at] = m
+            at += 1
+            continue
+        out[at] = _DOUBLE
+        out[at + 1 : at + 9] = raw[8 * i : 8 * i + 8]
+        at += 9
+    return at
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it."""
+    if isinstance(value, Packed):
+        return _plain(value.value)
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind == "f" and (nothing := np.isnan(value)).any():
+            value = value.astype(object)
+            value[nothing] = None
+        return value.tolist()
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
