@@ -10,16 +10,16 @@ from typing import Any
 from pydantic_core import to_json
 
 #: Scripts in the order in which they need each other.
-_SCRIPTS = ("matrix.js", "motion.js", "scene.js", "curves.js", "labels.js", "page.js")
+_SCRIPTS = ("matrix.js", "motion.js", "scene.js", "curves.js", "labels.js", "witness.js", "page.js")
 _ASSETS = "assets"
 
 
 def content_security_policy() -> str:
-    """The policy of a page: its own script by its hash, its own styles, and nothing else."""
+    """The policy of a page: its own script by its hash, WebAssembly in it, its own styles."""
     digest = base64.b64encode(hashlib.sha256(_script().encode()).digest()).decode()
     return (
-        f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; "
-        "img-src data:; base-uri 'none'; form-action 'none'"
+        f"default-src 'none'; script-src 'sha256-{digest}' 'wasm-unsafe-eval'; "
+        "style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
     )
 
 
@@ -41,6 +41,13 @@ def page(document: dict[str, Any]) -> bytes:
     ):
         filled = filled.replace(f"<!--{name}-->", text, 1)
     return filled.encode()
+
+
+@cache
+def checker() -> str:
+    """The checker of witnesses, WebAssembly packed by gzip, as Base64 (scripts/checker.py)."""
+    content = files("service.viewer").joinpath(_ASSETS, "armwright_check.wasm.gz").read_bytes()
+    return base64.b64encode(content).decode()
 
 
 @cache

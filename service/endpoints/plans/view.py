@@ -1,5 +1,6 @@
 """The page of a kept plan, in a worker."""
 
+import base64
 import json
 import re
 from collections.abc import Callable, Mapping
@@ -29,6 +30,7 @@ from service.endpoints.plans.view_stages import (
     tour_cell,
     tour_shown,
 )
+from service.endpoints.plans.witness import known_witnesses
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
@@ -44,7 +46,7 @@ from service.viewer.document import (
     tree_document,
     tree_sentence,
 )
-from service.viewer.page import page
+from service.viewer.page import checker, page
 from service.viewer.words import (
     NOT_PROVED_HERE,
     PROVED_HERE,
@@ -121,6 +123,8 @@ def view(robot: Reference, scene: Reference | None, content: bytes, tree: bool =
     motion = None
     if shown.motion is not None:
         motion = motion_document(shown.motion, arm, place, limit, shown.curves)
+    # An imported answer might bring the witness of another motion.
+    witnesses = known_witnesses(robot, scene, whole) if motion and proved_here else []
     return page(
         {
             "title": f"{operation} · {arm.chain.name}",
@@ -141,6 +145,8 @@ def view(robot: Reference, scene: Reference | None, content: bytes, tree: bool =
             ],
             "tree": None if explored is None else tree_document(arm.chain, explored),
             "request": kept.request,
+            "witnesses": [base64.b64encode(content).decode() for content in witnesses],
+            "checker": checker() if witnesses else "",
             **shown.extra,
         }
     )

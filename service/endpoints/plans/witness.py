@@ -42,6 +42,23 @@ def witness(
     return found if compact else to_json(unpacked(found))
 
 
+def known_witnesses(
+    robot: Reference, scene: Reference | None, whole: dict[str, Any]
+) -> list[bytes]:
+    """Compact forms of the witnesses of a kept motion: of a task or tour those that were answered.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        whole: The kept plan.
+    """
+    parts = (whole.get("answer") or {}).get(_PARTS.get(whole["operation"], ""), [{}])
+    if whole["operation"] in _PARTS and not all("witness" in p["certificate"] for p in parts):
+        return []
+    found = [_compact(robot, scene, whole, part) for part in range(len(parts))]
+    return [content for content in found if isinstance(content, bytes)]
+
+
 def _compact(
     robot: Reference, scene: Reference | None, whole: dict[str, Any], part: int
 ) -> bytes | TaskProblem:

@@ -225,3 +225,4 @@ listen();
 frameAll();
 window.armwrightView = state;
 window.requestAnimationFrame(frame);
+checkWitnesses();

@@ -309,3 +309,22 @@ def test_failed_tasks_and_tours_show_what_was_tried(
     assert len(candidates) == 6
     assert all(item["label"].startswith("goal lid, IK solution") for item in candidates)
     assert {item["cause"] for item in candidates} == {"collision"}
+
+
+def test_a_witness_is_checked_in_the_browser(browser: Browser, plan: bytes, tmp_path: Path) -> None:
+    """By the checker in C, in a few milliseconds; a false one is not believed."""
+    page, _ = show(browser, plan, tmp_path)
+    wait(page, "document.getElementById('checked').dataset.codes !== undefined")
+    assert page.get_attribute("#checked", "data-codes") == "0"
+    told = page.inner_text("#checked")
+    assert told.startswith("Checked here, in your browser, in ")
+    assert "apart by" in told
+    assert int(told.split(" ms")[0].split()[-1]) <= 250
+    shown = document(plan)
+    file = bytearray(base64.b64decode(shown["witnesses"][0]))
+    for changed, why in ((file[:-9], "ends early"), (b"no witness", "no witness")):
+        false = shown | {"witnesses": [base64.b64encode(changed).decode()]}
+        page, _ = show(browser, page_of(false), tmp_path)
+        wait(page, "document.getElementById('checked').dataset.codes !== undefined")
+        assert page.inner_text("#checked").startswith("✗ Your browser can't follow the proof")
+        assert why in page.inner_text("#checked")
