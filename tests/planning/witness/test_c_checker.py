@@ -4,6 +4,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,19 @@ def check(tmp_path_factory: pytest.TempPathFactory) -> Check:
         return done.returncode, done.stdout
 
     return checked
+
+
+def test_its_package_builds_the_command(tmp_path: Path) -> None:
+    """As ``pip install checkers/c`` does, and the command tells how it is used."""
+    folder = SOURCE.parent
+    places = ("--build-base", tmp_path, "--build-temp", tmp_path)
+    words = (sys.executable, "setup.py", "build", *places)
+    subprocess.run(words, check=True, cwd=folder, capture_output=True, timeout=120)
+    file, command = tmp_path / "witness", tmp_path / "armwright-check"
+    file.write_bytes(compact(document()))
+    assert subprocess.run((command, file), check=False, capture_output=True).returncode == 0
+    told = subprocess.run((command,), check=False, capture_output=True, text=True)
+    assert (told.returncode, told.stderr) == (3, "usage: armwright-check FILE\n")
 
 
 def test_it_is_small() -> None:
