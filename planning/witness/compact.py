@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from compiled.kernel import direct, kernel
 from kinematics.arrays import Array
+from kinematics.caches.bounded_cache import bounded_cache
 
 Bytes = NDArray[np.uint8]
 MAGIC = b"AWTN"
@@ -73,15 +74,18 @@ def packed(value: Any) -> bytes:
     if isinstance(value, str):
         return bytes([_TEXT]) + _text(value)
     if isinstance(value, dict):
-        parts = [b"".join((_text(name), packed(item))) for name, item in value.items()]
-        return bytes([_OBJECT]) + _count(len(parts)) + b"".join(parts)
+        parts = [bytes([_OBJECT]), _count(len(value))]
+        for name, item in value.items():
+            parts += [_name(name), packed(item)]
+        return b"".join(parts)
     if isinstance(value, int | float) and -_WHOLE <= value < _LARGE - _WHOLE and value % 1 == 0:
         return bytes([_NUMBERS, 0, int(value) + _WHOLE])
-    table = _table(value)
+    table = value if isinstance(value, np.ndarray) else _table(value)
     if table is None:
         return bytes([_LIST]) + _count(len(value)) + b"".join(map(packed, value))
-    out = np.empty(_WIDEST * table.size, dtype=np.uint8)
-    used = _writer()(table.reshape(-1), table.reshape(-1).view(np.uint8), out)
+    flat = np.ascontiguousarray(table, dtype=np.float64).reshape(-1)
+    out = np.empty(_WIDEST * flat.size, dtype=np.uint8)
+    used = _writer()(flat, flat.view(np.uint8), out)
     head = bytes([_NUMBERS, table.ndim]) + b"".join(map(_count, table.shape))
     return head + out[:used].tobytes()
 
@@ -151,6 +155,11 @@ def _text(value: str) -> bytes:
     return _count(len(content)) + content
 
 
+@bounded_cache(maxsize=128, weigh=len)
+def _name(value: str) -> bytes:
+    return _text(value)
+
+
 def _count(value: int) -> bytes:
     """A whole number in groups of 7 bits, the lowest first, with 128 added to all but the last."""
     if value < 128:
@@ -189,11 +198,16 @@ def write_numbers(values: Array, raw: Bytes, out: Bytes) -> int:
             out[at], out[at + 1] = _LARGE + int(x) // 256, int(x) % 256
             at += 2
             continue
+        # With as many digits as there are: where these do not do, fewer would not either.
         k, power = 0, 1.0
-        while k <= _DECIMALS and abs(x * power) < 2.0**47 and np.rint(x * power) / power != x:
+        while k < _DECIMALS and abs(x * power) < 2.0**43:
             k += 1
             power *= 10.0
-        if k <= _DECIMALS and abs(x * power) < 2.0**47:
+        if abs(x) < 2.0**47 and np.rint(x * power) / power == x:
+            k, power = 0, 1.0
+            while np.rint(x * power) / power != x:
+                k += 1
+                power *= 10.0
             m = int(np.rint(x * power))
             m = 2 * m if m >= 0 else -2 * m - 1
             out[at] = _DECIMAL + k

@@ -59,7 +59,7 @@ def solids_of(robot: RobotGeometry, scene: Scene) -> Solids:
     numbers = np.arange(e, dtype=np.int64)
     # Balls as checkers have them: a cone's is that of a cylinder.
     centers, radii = arrays.centers.copy(), arrays.radii.copy()
-    cones = arrays.kinds == PieceKind.CONE
+    cones = np.flatnonzero(arrays.kinds == PieceKind.CONE)
     centers[cones] = arrays.poses[cones, :3, 3]
     radii[cones] = np.hypot(arrays.sizes[cones, 0], arrays.sizes[cones, 1]) + arrays.sizes[cones, 2]
     still = np.full(e - len(robot.pieces), -1, dtype=np.int64)
