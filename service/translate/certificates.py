@@ -1,20 +1,65 @@
 """Certificates as answers give them."""
 
+import base64
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from armwright_wire.scenes.scene import Scene
+import armwright_wire.scenes.scene as schema
+from kinematics.arrays import Array
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.proof.certificate import Certificate
 from planning.proof.premises import Premises
 from planning.proof.tool.tool_speed_band import SpeedUse
 from planning.stops.certificate import StopCertificate
+from planning.values.deadline import Deadline
+from planning.values.limits import MotionLimits
+from planning.witness.compact import Witness
+from planning.witness.witness import witness
 from service.fields import picked
 from service.translate.contacts import allowed_answer
 from service.translate.problems import plain
 
 
+def witness_answer(found: Witness) -> dict[str, Any]:
+    """A witness as answers give it: its compact form, and what it does not show."""
+    told = found.document_of("unwitnessed")
+    return {"compact": base64.b64encode(found.compact).decode(), "unwitnessed": told}
+
+
+def part_witness(
+    motion: Trajectory, cell: tuple[RobotGeometry, Scene], proof: Certificate,
+    bounds: Mapping[str, Array], deadline: Deadline, fingers: int = 0,
+) -> dict[str, Any]:  # fmt: skip
+    """Witness of the motion of one stage or leg.
+
+    Args:
+        motion: The motion.
+        cell: Robot with what it holds, and its surroundings.
+        proof: Its certificate.
+        bounds: Limits in place of the robot's.
+        deadline: Instant from which on no more directions are looked for.
+        fingers: Motions of the gripper in it.
+    """
+    untold = {
+        "constraints": len(proof.path_constraints),
+        "tool_motions": int(proof.path_deviation is not None),
+        "torque": int("torque" in proof.limits),
+        "tool_speed": int("tool_speed" in proof.limits),
+        "fingers": fingers,
+    }
+    return witness_answer(
+        witness(
+            motion, *cell, margin=proof.premises.margin, limits=MotionLimits(bounds),
+            untold=untold, deadline=deadline,
+        )
+    )  # fmt: skip
+
+
 def certificate_answer(
-    certificate: Certificate, begins: float = 0.0, scene: str | Scene | None = None
+    certificate: Certificate, begins: float = 0.0, scene: str | schema.Scene | None = None
 ) -> dict[str, Any]:
     """A certificate as answers give it.
 
@@ -74,7 +119,7 @@ def stops_answer(stops: StopCertificate | None, begins: float = 0.0) -> dict[str
     return {"stops": answer | {"worst": worst, "message": stops.message or None}}
 
 
-def premises_answer(premises: Premises, scene: str | Scene | None) -> dict[str, Any]:
+def premises_answer(premises: Premises, scene: str | schema.Scene | None) -> dict[str, Any]:
     """Premises as answers give them, with the name of a stored scene."""
     answer = asdict(premises) | {"scene": scene if isinstance(scene, str) else None}
     return answer | {name: list(answer[name]) for name in ("attached", "open_meshes")}

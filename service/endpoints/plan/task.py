@@ -54,7 +54,6 @@ from service.translate.tool_motions import (
     timed_tool_motions,
     tool_motions_answer,
 )
-from service.translate.witnesses import witness_answer
 from service.version import VERSION
 from service.workers import current
 from service.workers.answer import in_frame
@@ -158,7 +157,7 @@ def plan_outcome(
     answer = _answer(outcome, body, cell)
     if body.witness:
         found = plan_witness(problem, options, outcome.trajectory)
-        answer["certificate"]["witness"] = witness_answer(found)
+        answer["certificate"]["witness"] = certificates.witness_answer(found)
     content = to_json(answer, inf_nan_mode="null")
     stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
     return PlanOutcome(content, outcome.planner, stages)
@@ -289,7 +288,7 @@ def validate(robot: Reference, scene: Reference | None, content: bytes) -> bytes
             untold={"tool_motions": len(body.tool_motions.motions) if body.tool_motions else 0},
             deadline=current.deadline(),
         )
-        answer["witness"] = witness_answer(found)
+        answer["witness"] = certificates.witness_answer(found)
     return to_json(answer | in_frame(chain) | notes_of(body, cell.notes), inf_nan_mode="null")
 
 

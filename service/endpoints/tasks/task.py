@@ -39,7 +39,6 @@ from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, problems, timings, trajectories
 from service.translate.states import configuration
 from service.translate.tool_motions import reference_answer
-from service.translate.witnesses import part_witness
 from service.workers import current
 from service.workers.answer import in_frame
 from service.workers.result import TaskProblem, timed_out
@@ -113,7 +112,7 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
             proof["premises"] = certificates.premises_answer(premises, body.scene)
             if body.witness:
                 given = getattr(body.stages[plan.index], "limits", None) or body.limits
-                proof["witness"] = part_witness(
+                proof["witness"] = certificates.part_witness(
                     plan.trajectory,
                     (cell.first.robot, cell.first.scene),
                     plan.certificate,

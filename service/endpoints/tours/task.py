@@ -17,10 +17,9 @@ from service.endpoints.tours.translation import (
 )
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
-from service.translate import timings
+from service.translate import certificates, timings
 from service.translate.poses import rounding_notes
 from service.translate.states import configuration
-from service.translate.witnesses import part_witness
 from service.workers import current
 from service.workers.answer import in_frame
 from service.workers.result import TaskProblem, timed_out
@@ -56,7 +55,7 @@ def tour(robot: Reference, scene: Reference | None, content: bytes) -> bytes | T
         answer["notes"] = [*rounding_notes(body), *cell.notes, *answer["notes"]]
         bounds = timings.given_limits(body.limits, cell.robot.chain.joint_names)
         for leg, told in zip(found.legs, answer["legs"], strict=True) if body.witness else ():
-            told["certificate"]["witness"] = part_witness(
+            told["certificate"]["witness"] = certificates.part_witness(
                 leg.trajectory, (cell.robot, cell.scene), leg.certificate, bounds, deadline
             )
         answer |= in_frame(cell.robot.chain)

@@ -35,7 +35,7 @@ def test_numbers_of_all_kinds_are_read_back() -> None:
     read = module.read(compact(given))
     assert len(read) == len(given)
     for old, new in zip(given, read, strict=True):
-        assert (old is None and new is None) or float(old) == float(new), old
+        assert (new is None) if old is None else float(old) == float(new), old
 
 
 def test_documents_are_read_back() -> None:

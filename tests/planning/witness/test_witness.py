@@ -143,8 +143,12 @@ def test_what_the_format_has_no_words_for_is_counted() -> None:
     robot, item = builtin("panda"), planned("panda", "shelf", 2)[0]
     effort = EffortLimits(robot.chain, np.full(robot.chain.n, 1e3), 9.0)
     told = witness(
-        item.trajectory, robot, item.scene, limits=MotionLimits(effort=effort), tool_motions=2
-    ).document["unwitnessed"]
+        item.trajectory,
+        robot,
+        item.scene,
+        limits=MotionLimits(effort=effort),
+        untold={"tool_motions": 2},
+    ).document["unwitnessed"]  # fmt: skip
     counts = {row["what"]: row["count"] for row in told}
     assert counts == {"torque": robot.chain.n, "tool_speed": 1, "tool_motions": 2}
     bounds = {"velocity": np.full(7, 1e-3)}

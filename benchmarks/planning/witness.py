@@ -1,6 +1,6 @@
 """Witnesses: what they cost, how large they are, and whether both checkers accept every one.
 
-    python -m benchmarks.witness --panda ../data/mbm/panda [--ur5 ../data/vamp/ur5]
+    python -m benchmarks.planning.witness --panda ../data/mbm/panda [--ur5 ../data/vamp/ur5]
         [--fetch ../data/vamp/fetch] [--every 5] [--seams 15] [--tasks 5] [--mutations 2000]
 
 Problems of MotionBenchMaker (those of UR5 and Fetch lie in KavrakiLab/vamp, ``problems.tar.bz2``
