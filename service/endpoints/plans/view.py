@@ -14,7 +14,7 @@ from armwright_wire.plans.task import TaskRequest
 from armwright_wire.plans.tour import TourRequest
 from armwright_wire.robots.kinematics import IkRequest
 from armwright_wire.scenes.check import CheckRequest
-from kinematics.errors import InvalidOption
+from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.scenes.scene import Obstacle
 from planning.pipeline.pipeline import plan
@@ -59,6 +59,8 @@ from service.workers.task import task
 
 #: Configurations that one page shows.
 _MAX_CONFIGURATIONS = 64
+#: Solids up to which the page has a witness: points of a cloud are solids too.
+_MAX_SOLIDS = 2000
 #: Share of the time that is left which planning once more may take; the page needs the rest.
 _TREE_SHARE = 0.7
 _IK = re.compile(r"POST /v1/robots/[^/]+/ik")
@@ -124,7 +126,9 @@ def view(robot: Reference, scene: Reference | None, content: bytes, tree: bool =
     if shown.motion is not None:
         motion = motion_document(shown.motion, arm, place, limit, shown.curves)
     # An imported answer might bring the witness of another motion.
-    witnesses = known_witnesses(robot, scene, whole) if motion and proved_here else []
+    solids = len(arm.pieces) + len(place.pieces()[1])
+    shows = motion is not None and proved_here and solids <= _MAX_SOLIDS
+    witnesses = _witnesses(kept, whole) if shows else []
     return page(
         {
             "title": f"{operation} · {arm.chain.name}",
@@ -150,6 +154,14 @@ def view(robot: Reference, scene: Reference | None, content: bytes, tree: bool =
             **shown.extra,
         }
     )
+
+
+def _witnesses(kept: Kept, whole: dict[str, Any]) -> list[bytes]:
+    """Witnesses of the motion, for the browser to check; none where there can't be any."""
+    try:
+        return known_witnesses(kept.robot, kept.scene, whole)
+    except ArmwrightError:
+        return []
 
 
 def _unproved(shown: _Shown, kept: Kept) -> _Shown:
