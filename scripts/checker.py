@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "checkers/c/armwright_check.c"
 TARGET = ROOT / "service/viewer/assets/armwright_check.wasm.gz"
-_FLAGS = ("-target", "wasm32-wasi", "-std=c11", "-Oz", "-ffp-contract=off", "-s")
+_FLAGS = ("-target", "wasm32-wasi", "-std=c11", "-O2", "-msimd128", "-ffp-contract=off", "-s")
 
 
 def built() -> bytes:
