@@ -1,8 +1,7 @@
 """The interface of the service: each request is made here and nowhere else."""
 
-import json
 from collections.abc import Sequence
-from typing import Any, Literal, Unpack
+from typing import Literal, Unpack
 
 from armwright_client.answers import CheckAnswer, CheckBatch, Health, Readiness
 from armwright_client.call import (
@@ -283,7 +282,7 @@ class PlanEndpoints:
 
         Of a task or a tour it is that of one stage or leg.
         """
-        query = {"form": "compact", "part": part}
+        query: dict[str, str | int] = {"form": "compact", "part": part}
         return Call("GET", path("plans", plan, "witness"), bytes, query=query)
 
     # Last, since it hides the built-in type from what follows.

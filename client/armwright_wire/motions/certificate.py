@@ -201,8 +201,8 @@ class CertificateAnswer(Answer):
     violation: dict[str, Any] | None = Field(None, description="the first, with its time")
     witness: dict[str, Any] | None = Field(
         None,
-        description="where it was asked for: a file to check the proof by, `compact` as Base64, and "
-        "what it does not show, `unwitnessed`",
+        description="where it was asked for: a file to check the proof by, `compact` as Base64, "
+        "and what it does not show, `unwitnessed`",
     )
     frame: str | None = Field(None, description="of an answer to validate: that poses are in")
     frame_note: str | None = Field(
