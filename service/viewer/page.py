@@ -45,7 +45,7 @@ def page(document: dict[str, Any]) -> bytes:
 
 @cache
 def checker() -> str:
-    """The checker of witnesses, WebAssembly packed by gzip, as Base64 (scripts/checker.py)."""
+    """The checker of witnesses, WebAssembly packed by gzip, as Base64 (checkers/build_wasm.py)."""
     content = files("service.viewer").joinpath(_ASSETS, "armwright_check.wasm.gz").read_bytes()
     return base64.b64encode(content).decode()
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import wasmtime
 
-from scripts import checker as builder
+from checkers import build_wasm as builder
 from tests.planning.witness.by_hand import document
 from tests.planning.witness.problems import compact, meshes, peg_in_tube, planned
 from tests.planning.witness.test_by_hand import FALSE
@@ -45,7 +45,7 @@ def check(tmp_path_factory: pytest.TempPathFactory) -> Checker:
 
 
 def test_it_is_built_from_this_source() -> None:
-    """Byte for byte: ``python scripts/checker.py`` builds it anew."""
+    """Byte for byte: ``python checkers/build_wasm.py`` builds it anew."""
     assert builder.built() == PROGRAM
 
 

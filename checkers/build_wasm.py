@@ -1,6 +1,6 @@
 """Build the checker of witnesses for pages: checkers/c/armwright_check.c as WebAssembly.
 
-    python scripts/checker.py
+    python checkers/build_wasm.py
 
 The compiler is Zig's (the wheel ``ziglang``). A test builds it again and compares.
 """
