@@ -87,7 +87,10 @@ CLASSES = (
     "Trajectory",
 )  # fmt: skip
 #: Functions that nothing wrong is given to: what they take is tested where it is read.
-ELSEWHERE = {"jaw_span", "builtin_names", "load_robot", "plan_task", "plan_tour", "with_fingers"}
+ELSEWHERE = {
+    "jaw_span", "builtin_names", "export_program", "load_robot", "plan_task", "plan_tour", "plan_work",
+    "program_parts", "with_fingers",
+}  # fmt: skip
 #: Arguments of which arrays of other lengths or dimensions are right as well.
 ANY_SHAPE = {
     "Chain.configuration": {"q"}, "Convex": {"vertices"}, "Mesh": {"vertices", "faces"},

@@ -17,7 +17,9 @@ from obstacles.robots.robot_geometry import RobotGeometry
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Iterator[Path]:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    # What is kept of built-in robots for this user stays out of these tests.
+    monkeypatch.setattr("armwright.robot.keep_robot", lambda _: None)
     keep_files_in(tmp_path / "kept")
     yield tmp_path / "kept"
     keep_files_in(None)

@@ -75,12 +75,12 @@ def test_a_recording_shows_the_motion_that_is_proved(client: httpx.Client) -> No
 
 
 def test_a_program_says_what_is_not_proved(client: httpx.Client) -> None:
-    given = export(client, format="rapid", blend=0.05)
+    given = export(client, format="krl", blend=0.05)
     assert given["interpolation"] == "straight_legs"
     assert given["proved"] is True
     assert any("outside of the triangle" in sentence for sentence in given["unproved"])
     for sentence in given["unproved"]:
-        assert f"! Not covered: {sentence}" in given["content"]
+        assert f"; Not covered: {sentence}" in given["content"]
     assert given["joint_deviation"] is None
 
 

@@ -213,7 +213,6 @@ TABLE: dict[str, tuple[str, dict[str, Any], list[Change]]] = {
         (options("optimize", solver="snopt"), FORM, "ipopt"),
     ]),
     "optimized plans": ("/v1/plan", PLAN | {"planner": "optimize"}, [
-        ({"start": {"joints": HOME, "velocities": [0.1] * 7}, "planner": "auto"}, FORM, ""),
         ({"start": {"joints": HOME, "velocities": [0.1] * 6}}, STATE, ""),
         ({"start": {"joints": HOME, "velocities": [9.0] * 7}}, "START_STATE_INVALID", ""),
         ({"goal": {"joints": ASIDE, "velocities": [9.0] * 7}}, "GOAL_STATE_INVALID", ""),

@@ -290,11 +290,12 @@ def test_the_stage_forms_are_those_of_the_api(workbench: Workbench) -> None:
     assert set(forms.fields) == {
         *("move", "approach", "retreat", "lift", "grasp", "place"),
         *("attach", "detach", "wait", "open", "close"),
+        *("line", "arc", "seam", "insert", "signal", "set", "wait_for", "for_each", "fallback"),
     }
     approach = {field.path: field for field in forms.fields["approach"]}
     assert approach["distance"].required
     assert approach["distance"].kind == "json"
-    assert approach["frame"].choices == ("tool", "root")
+    assert approach["frame"].choices == ("tool", "root", "object", "support")
     assert approach["margin"].kind == "number"
     assert approach["name"].kind == "text"
     assert all(field.description for fields in forms.fields.values() for field in fields)

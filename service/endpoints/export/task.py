@@ -130,6 +130,7 @@ def _answer(
         "unproved": list(written.unproved),
         "joint_tolerance": written.tolerance,
         "blends": written.blends.tolist(),
+        "parts": None,
         **more,
     }
     return to_json(answer, inf_nan_mode="null")

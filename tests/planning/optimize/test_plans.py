@@ -239,11 +239,6 @@ def test_ends_too_fast_are_told() -> None:
     assert answer.details["joint"] in asked.robot.chain.joint_names
 
 
-def test_ends_that_move_need_optimisation() -> None:
-    with pytest.raises(InvalidOption, match="optimised"):
-        plan(problem("panda", HOME, ASIDE, start_velocity=np.full(7, 0.1)), Options())
-
-
 def test_a_wall_ahead_can_not_be_braked_from() -> None:
     chain = builtin("panda").chain
     near = HOME.copy()
