@@ -321,6 +321,7 @@ async def test_stopping_tells_everybody_and_leaves_nothing_behind(
 
 _DOOMED_SERVER = """
 import asyncio, time
+from planning.values.deadline import Deadline
 from service.workers.fork.launch import Recipe
 from service.workers.task import Job
 from service.workers.supervisor import WorkerSupervisor
