@@ -11,7 +11,7 @@ from setuptools.command.build import build
 FLAGS = ("-std=c11", "-O2", "-ffp-contract=off")
 
 
-class Compiled(build):
+class Compiled(build):  # type: ignore[misc]
     """The program, installed where commands are."""
 
     def run(self) -> None:
@@ -26,7 +26,7 @@ class Compiled(build):
         super().run()
 
 
-class OfOnePlatform(Distribution):
+class OfOnePlatform(Distribution):  # type: ignore[misc]
     """A wheel with machine code in it."""
 
     def has_ext_modules(self) -> bool:

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def test_every_public_name_is_listed_and_shown() -> None:
-    names = cast(list[str], armwright.__all__)
+    names = cast(list[str], armwright.__all__)  # type: ignore[attr-defined]
     assert {"fk", "ik", "plan", "witness", "Box", "Problem"} <= set(names)
     assert len(set(names)) == len(names)
     assert set(names) <= set(dir(armwright))

@@ -88,8 +88,8 @@ CLASSES = (
 )  # fmt: skip
 #: Functions that nothing wrong is given to: what they take is tested where it is read.
 ELSEWHERE = {
-    "jaw_span", "builtin_names", "export_program", "load_robot", "plan_task", "plan_tour", "plan_work",
-    "program_parts", "with_fingers",
+    "jaw_span", "builtin_names", "export_program", "load_robot", "plan_task", "plan_tour",
+    "plan_work", "program_parts", "with_fingers",
 }  # fmt: skip
 #: Arguments of which arrays of other lengths or dimensions are right as well.
 ANY_SHAPE = {
@@ -109,7 +109,7 @@ ANY_VALUE = {
 
 def functions() -> dict[str, Callable[..., Any]]:
     """Public functions, classes and methods that take arguments."""
-    found = {name: getattr(aw, name) for name in cast(list[str], aw.__all__)}
+    found = {name: getattr(aw, name) for name in cast(list[str], aw.__all__)}  # type: ignore[attr-defined]
     known: dict[str, Callable[..., Any]] = {
         name: one for name, one in found.items() if inspect.isfunction(one)
     }
