@@ -89,11 +89,12 @@ class Robot(NamedTuple):
     parts: dict[str, list[Part]]
     unread: tuple[str, ...] = ()
 
-    def frames(self, positions: Mapping[str, float]) -> dict[str, Array]:
-        """T_root_link of all links.
+    def frames(self, positions: Mapping[str, float], base: str) -> dict[str, Array]:
+        """T_base_link of all links.
 
         Args:
             positions: Positions of joints; those that are not named rest [rad or m].
+            base: Link whose frame they are in.
         """
         frames = {self.root: np.eye(4)}
         for joint in self.joints:
@@ -106,7 +107,8 @@ class Robot(NamedTuple):
             elif joint.kind == "prismatic":
                 step[:3, 3] = value * joint.axis
             frames[joint.child] = frames[joint.parent] @ joint.T_parent_joint @ step
-        return frames
+        T_base_root = np.linalg.inv(frames[base])
+        return {name: T_base_root @ T for name, T in frames.items()}
 
 
 def read_robot(document: Json) -> Robot:
@@ -320,6 +322,8 @@ def _shape_meshes(shape: Json) -> Iterator[trimesh.Trimesh]:
     elif kind == "mesh":
         yield trimesh.Trimesh(shape["vertices"], shape["faces"], process=False)
     elif kind == "point_cloud":
+        if shape.get("except"):
+            raise Unread("a cloud without what is near an object")
         if len(shape["points"]) > _MOST_POINTS:
             raise Unread(f"a cloud of {len(shape['points'])} points")
         for point in shape["points"]:

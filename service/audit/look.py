@@ -107,7 +107,8 @@ def _at(
     cell: Cell, checker: Checker, joints: tuple[str, ...], q: Array, time: float
 ) -> list[dict[str, Any]]:
     """Disagreements at an instant."""
-    frames = _frames(cell, dict(zip(joints, q.tolist(), strict=True)))
+    positions = {**cell.fingers, **dict(zip(joints, q.tolist(), strict=True))}
+    frames = cell.sent.frames(positions, cell.tree)
     chain = cell.robot.chain
     faults: list[dict[str, Any]] = []
     for link, T in zip(chain.links, link_poses(chain, q), strict=True):
@@ -125,12 +126,6 @@ def _at(
                 "proved": float(proved), "proved_pair": None if pair is None else list(pair),
             })  # fmt: skip
     return faults
-
-
-def _frames(cell: Cell, positions: Mapping[str, float]) -> dict[str, Array]:
-    frames = cell.sent.frames({**cell.fingers, **positions})
-    T_tree_root = np.linalg.inv(frames[cell.tree])
-    return {name: T_tree_root @ T for name, T in frames.items()}
 
 
 def _distances(

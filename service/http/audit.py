@@ -9,6 +9,7 @@ from fastapi import Request
 from pydantic_core import from_json, to_json
 from starlette.concurrency import run_in_threadpool
 
+from kinematics.errors import ArmwrightError
 from service.http import answers
 from service.http.metrics import Metrics
 from service.http.state import repository_of, settings_of
@@ -61,9 +62,10 @@ async def check_answer(request: Request, content: bytes, seconds: float) -> None
     begun = time.monotonic()
     try:
         found = await _look(request, from_json(await request.body()), answer)
-    except ProblemError as problem:  # the time is up, say: the answer stands as it would without
+    # The time is up, say, or the form is one that is not read: the answer stands as without a look.
+    except (ProblemError, ArmwrightError) as problem:
         metrics.count_audit("left out")
-        _log.info("a certified answer was not looked at again: %s", problem.detail)
+        _log.info("a certified answer was not looked at again: %s", problem)
         return
     finally:
         account.spend(time.monotonic() - begun)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from armwright_wire.plans.plan import ValidateRequest
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_srdf, builtin_urdf
 from service.audit.bodies import Array, Part, Robot, Unread, pose, read_robot, shape_parts
 from service.audit.look import Cell, Motion, look
@@ -83,10 +84,7 @@ def _task_faults(
     chain = geometry.chain
 
     def frames(joints: Sequence[str], q: Array) -> dict[str, Array]:
-        found = sent.frames({**geometry.fingers.positions, **fingers, **_named(joints, q)})
-        back = np.linalg.inv(found[chain.root_link])
-        found = {name: back @ T for name, T in found.items()}
-        return {**found, "tool": found[chain.tip_link]}
+        return _frames(sent, chain, {**geometry.fingers.positions, **fingers}, joints, q)
 
     first = _motion(answer["stages"][0]["trajectory"])
     start = frames(first.joints, first.at(0.0))
@@ -149,15 +147,28 @@ def _places(
     return places
 
 
-def _named(joints: Sequence[str], q: Array) -> dict[str, float]:
-    return dict(zip(joints, q.tolist(), strict=True))
+def _frames(
+    sent: Robot, chain: Chain, fingers: Mapping[str, float], joints: Sequence[str], q: Array
+) -> dict[str, Array]:
+    """Frames of links in the root frame, by the names that a request gives them."""
+    positions = {**fingers, **dict(zip(joints, q.tolist(), strict=True))}
+    frames = sent.frames(positions, chain.root_link)
+    return {**frames, "tool": frames[chain.tip_link]}
 
 
 def _check_form(request: Mapping[str, Any]) -> None:
-    if request.get("tool") is not None or request.get("tcp") is not None:
+    if _names_a_tool(request):
         raise Unread("a mounted tool")
     if request.get("collisions") == "ignore":
         raise Unread("collisions are not looked at")
+
+
+def _names_a_tool(node: Any) -> bool:
+    """Whether a request, or a stage anywhere in it, mounts a tool."""
+    if isinstance(node, Mapping):
+        mounts = any(node.get(name) is not None for name in ("tool", "tcp"))
+        return mounts or any(map(_names_a_tool, node.values()))
+    return isinstance(node, list) and any(map(_names_a_tool, node))
 
 
 def _sent_robot(reference: Reference, document: bytes | None) -> Robot:
@@ -210,10 +221,7 @@ def _cell(
     base = chain.root_link
 
     def frames(q: Array) -> dict[str, Array]:
-        found = sent.frames({**fingers, **dict(zip(motion.joints, q.tolist(), strict=True))})
-        back = np.linalg.inv(found[base])
-        found = {name: back @ T for name, T in found.items()}
-        return {**found, "tool": found[chain.tip_link]}
+        return _frames(sent, chain, fingers, motion.joints, q)
 
     start = frames(motion.at(0.0))
     placed: dict[str, Array] = {}

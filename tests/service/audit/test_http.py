@@ -7,6 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
+from kinematics.errors import InvalidOption
 from service.app import create_app
 from service.http import audit
 from service.settings import Settings
@@ -59,6 +60,19 @@ def test_a_dispute_is_a_problem_with_a_bundle(
     bundle = answer(client.get(f"/v1/plans/{told['details']['plan_id']}/bundle"))
     assert bundle["status"] == "failed"
     assert looks(client, "disputed") == 1.0
+
+
+def test_an_answer_stands_where_a_look_fails(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def fails(*_: Any) -> Any:
+        raise InvalidOption("a form that is not read")
+
+    monkeypatch.setattr(audit, "_look", fails)
+    monkeypatch.setattr(audit.AuditAccount, "earn", lambda *_: True)
+    before = looks(client, "left out")
+    answer(client.post("/v1/plan", json=PLAN))
+    assert looks(client, "left out") == before + 1.0
 
 
 def test_no_look_is_taken_where_it_is_turned_off(

@@ -19,6 +19,7 @@ from obstacles.collision.checker import Checker
 from obstacles.convex.piece import Piece, PieceKind
 from obstacles.robots.robot_geometry import RobotGeometry
 from planning.values.deadline import Deadline
+from service.audit.bodies import Unread, shape_parts
 from service.endpoints.plan.task import plan
 from service.endpoints.plans.audit import audit
 from service.endpoints.robots.task import prepare_robot
@@ -265,6 +266,7 @@ def test_a_distance_that_is_too_large_is_seen(
         ({"tcp": {"object": "part", "pose": {"position": [0, 0, 0]}}}, "tool"),
         ({"scene": {"moveit": "name: x"}}, "MoveIt"),
         ({"collisions": "ignore"}, "collisions"),
+        ({"stages": [{"kind": "for_each", "stages": [{"kind": "move", "tool": "t"}]}]}, "tool"),
     ],
 )
 def test_forms_that_are_not_read_are_told(
@@ -308,3 +310,10 @@ def test_an_object_that_is_taken_up_elsewhere_is_seen(
             item["pose"]["position"][0] += 5e-3
     found = look_at_task(arms, asked, wrong)
     assert "object" in {fault["kind"] for fault in found}
+
+
+def test_a_cloud_without_what_is_near_an_object_is_not_read() -> None:
+    cloud = {"type": "point_cloud", "points": [[0.5, 0.0, 0.2]], "radius": 0.01}
+    assert len(shape_parts(cloud, np.eye(4))) == 1
+    with pytest.raises(Unread, match="near an object"):
+        shape_parts(cloud | {"except": [{"object": "part", "margin": 0.01}]}, np.eye(4))
