@@ -171,6 +171,9 @@ class LeftOut(Body):
 class PointCloud(Body):
     """A sphere of one radius around every point."""
 
+    # Stored scenes are read again as they were sent.
+    model_config = ConfigDict(serialize_by_alias=True)
+
     type: Literal["point_cloud"] = "point_cloud"
     points: Annotated[list[Point], Field(min_length=1, max_length=MAX_POINTS)] = Field(
         examples=[[[0.5, 0.0, 0.2], [0.5, 0.01, 0.2]]], description="centres of the spheres [m]"

@@ -379,3 +379,13 @@ def test_problems_that_differ_by_their_ends_are_the_same_as_validated_ones() -> 
             expected = batch.plan_request(index)
             assert requests[index] == expected
             assert requests[index].model_dump_json() == expected.model_dump_json()
+
+
+def test_a_scene_that_is_stored_is_read_as_it_was_sent() -> None:
+    cloud = {"type": "point_cloud", "points": [[0.5, 0.0, 0.2]], "radius": 0.01}
+    cloud["except"] = [{"object": "part", "margin": 0.01}]
+    pose = {"position": [0.0, 0.0, 0.0]}
+    sent = {"name": "s", "obstacles": [{"id": "c", "shape": cloud, "pose": pose}]}
+    stored = NamedScene.model_validate(sent).model_dump_json(exclude_none=True)
+    assert NamedScene.model_validate_json(stored) == NamedScene.model_validate(sent)
+    assert '"except"' in stored
