@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from planning.values.stop_kind import StopKinds
 from service.app import create_app
 from service.settings import Settings
 from tests.planning.guard.cases import cases, faults
+from tests.planning.stops.judge import CoalArm
 from tests.planning.stops.motions import ARMS, judge
 from tests.service.server import serving
 
@@ -61,6 +63,7 @@ def _judge(name: str, kind: StopKinds, given: argparse.Namespace, *, jerk: bool)
     """Judge a share of the proposals: those of one arm and one kind of stop."""
     count = -(-given.judge // (4 * len(given.arms)))
     counts: Counter[str] = Counter()
+    last: tuple[Any, CoalArm] | None = None
     with tempfile.TemporaryDirectory() as folder:
         for case in cases(name, count, jerk=jerk, seed=given.seed):
             around = case.around
@@ -71,8 +74,9 @@ def _judge(name: str, kind: StopKinds, given: argparse.Namespace, *, jerk: bool)
             counts[f"{case.kind}, in part"] += verdict.accepted_until > 0.0
             if verdict.trajectory is None:
                 continue
-            arm = judge(name, around.scene, Path(folder))
-            for fault in faults(verdict, case, arm, kind, given.instants, given.instants // 20):
+            if last is None or last[0] is not around.scene:
+                last = around.scene, judge(name, around.scene, Path(folder))
+            for fault in faults(verdict, case, last[1], kind, given.instants, given.instants // 20):
                 counts["FAULTS"] += 1
                 print(f"  {name} {kind} {case.kind} {counts[case.kind]}: {fault}")
     print(

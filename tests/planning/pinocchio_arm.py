@@ -1,5 +1,7 @@
 """Arms by pinocchio: torques, velocities and poses to compare with."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pinocchio as pin
 
@@ -35,18 +37,26 @@ class PinocchioArm:
             point = pin.Inertia(load, frame.placement.translation, np.zeros((3, 3)))
             self.model.appendBodyToJoint(frame.parentJoint, point, pin.SE3.Identity())
         self.data = self.model.createData()
-        self._joints = [self.model.joints[self.model.getJointId(j)] for j in self.chain.joint_names]
-        self.index = [joint.idx_v for joint in self._joints]
+        joints = (self.model.joints[self.model.getJointId(j)] for j in self.chain.joint_names)
+        self.index = [joint.idx_v for joint in joints]
 
     def configuration(self, q: Array) -> Array:
         """Configuration of all joints of the model; those without end by cosine and sine."""
-        whole = pin.neutral(self.model)
-        for joint, value in zip(self._joints, q, strict=True):
+        return self.configurations(q[None])[:, 0]
+
+    def configurations(self, states: Array, more: Mapping[str, Array] | None = None) -> Array:
+        """Configurations of all joints, a column for each row of states, with more by name."""
+        whole = np.repeat(pin.neutral(self.model)[:, None], len(states), axis=1)
+        for name, values in (
+            *zip(self.chain.joint_names, states.T, strict=True),
+            *(more or {}).items(),
+        ):
+            joint = self.model.joints[self.model.getJointId(name)]
             turns = joint.nq > joint.nv
             whole[joint.idx_q : joint.idx_q + joint.nq] = (
-                (np.cos(value), np.sin(value)) if turns else value
+                (np.cos(values), np.sin(values)) if turns else values
             )
-        return np.asarray(whole)
+        return whole
 
     def rates(self, values: Array) -> Array:
         """Velocities or accelerations of all joints of the model."""

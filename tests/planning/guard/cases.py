@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval
+from numpy.polynomial.polynomial import polyder, polyval
 
 from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
@@ -139,9 +139,11 @@ def _limit_faults(motion: Trajectory, around: Surroundings, instants: int) -> It
 
 def _positions(motion: Trajectory, order: int, instants: int) -> Array:
     """Values of a derivative at even instants (instants, n), by numpy's own polynomials."""
-    rows = []
-    for t in np.linspace(0.0, motion.duration, instants):
-        i = min(int(np.searchsorted(motion.breaks, t, side="right")) - 1, motion.pieces - 1)
-        c = np.polynomial.polynomial.polyder(motion.coefficients[i], order, axis=1)
-        rows.append(polyval(t - motion.breaks[i], c.T))
-    return np.array(rows)
+    times = np.linspace(0.0, motion.duration, instants)
+    at = np.searchsorted(motion.breaks[1:-1], times, side="right")
+    rows = np.empty((instants, motion.n))
+    for i in np.unique(at):
+        chosen = at == i
+        c = polyder(motion.coefficients[i].T, order)
+        rows[chosen] = polyval(times[chosen] - motion.breaks[i], c).T
+    return rows

@@ -102,25 +102,14 @@ class CoalArm:
             pairs += [(i, k) for i, name in own if joints[name] >= 0]
         for pair in pairs:
             self.solids.addCollisionPair(pin.CollisionPair(*pair))
-        self._state = self.solids.createData()
+        self._pool = pin.BroadPhaseManagerPool_DynamicAABBTreeCollisionManager(
+            model, self.solids, 1
+        )
 
     def overlaps(self, states: Array) -> Array:
         """Whether anything overlaps, of configurations (k, n)."""
-        return np.array([self._overlaps(q) for q in states], dtype=np.bool_)
-
-    def _overlaps(self, q: Array) -> bool:
-        whole = self._arm.configuration(q)
-        for name, value in (self._mimic(q) if self._mimic else {}).items():
-            joint = self._arm.model.joints[self._arm.model.getJointId(name)]
-            turns = joint.nq > joint.nv
-            whole[joint.idx_q : joint.idx_q + joint.nq] = (
-                (np.cos(value), np.sin(value)) if turns else value
-            )
-        return bool(
-            pin.computeCollisions(
-                self._arm.model, self._arm.data, self.solids, self._state, whole, True
-            )
-        )
+        whole = self._arm.configurations(states, self._mimic(states) if self._mimic else None)
+        return np.asarray(pin.computeCollisionsInParallel(1, self._pool, whole, True))
 
 
 def _solid(shape: Shape) -> coal.CollisionGeometry:
