@@ -44,6 +44,26 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 @kernel(allocates=False)
+def rotate(R: Array, a: Vector) -> Vector:
+    """The product R a, of the first three rows and columns of R."""
+    return (
+        R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
+        R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
+        R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
+    )
+
+
+@kernel(allocates=False)
+def turned_back(R: Array, a: Vector) -> Vector:
+    """The product R^T a, likewise."""
+    return (
+        R[0, 0] * a[0] + R[1, 0] * a[1] + R[2, 0] * a[2],
+        R[0, 1] * a[0] + R[1, 1] * a[1] + R[2, 1] * a[2],
+        R[0, 2] * a[0] + R[1, 2] * a[1] + R[2, 2] * a[2],
+    )
+
+
+@kernel(allocates=False)
 def load(row: Array, at: int) -> Vector:
     """The vector in three columns of a row, from column ``at`` on."""
     return row[at], row[at + 1], row[at + 2]

@@ -18,7 +18,7 @@ from enum import IntEnum
 import numpy as np
 
 from compiled.kernel import kernel
-from compiled.vec3 import cross, dot
+from compiled.vec3 import Vector, cross, dot, load, rotate, subtract, turned_back
 from kinematics.arrays import Array
 from kinematics.forward import frames_kernel
 from kinematics.model.chain import Chain
@@ -29,10 +29,7 @@ from planning.constraints.row_value import (
     point_kernel,
     relative_point_kernel,
     residual_kernel,
-    rotate,
-    turned_back,
     value_kernel,
-    vector_kernel,
 )
 
 
@@ -167,14 +164,14 @@ def bound_kernel(
     movement = movement_kernel(chain, frames, row, linear, curved)
     V, W, turn, _, moved, error = movement
     if kind == _COORDINATE:
-        d = vector_kernel(row, Column.DIRECTION)
+        d = load(row, Column.DIRECTION)
         change = min(abs(dot(d, V)) + error, moved)
         return residual, residual + change
     if kind == _DISTANCE:
         return residual, _distance_bound(frames, row, V, error, moved) - row[Column.UPPER]
     if kind == _ANGLE:
         a = axis_kernel(frames, row)
-        d = vector_kernel(row, Column.DIRECTION)
+        d = load(row, Column.DIRECTION)
         moved, error = _axis_movement(chain, frames, row, linear, curved)
         cosine = min(max(dot(a, d) - abs(dot(d, cross(W, a))) - error, -1.0), 1.0)
         # A chord of this length spans an angle that is somewhat larger.
@@ -182,8 +179,8 @@ def bound_kernel(
         return residual, min(math.acos(cosine), value + swept) - row[Column.UPPER]
     if kind == _LOOK:
         x = relative_point_kernel(frames, row, point_kernel(frames, row))
-        c = vector_kernel(row, Column.CENTER)
-        y = (x[0] - c[0], x[1] - c[1], x[2] - c[2])
+        c = load(row, Column.CENTER)
+        y = subtract(x, c)
         distance = math.sqrt(dot(y, y))
         sight = math.asin(moved / distance) if moved < distance else math.pi
         return residual, min(value + turn + sight, math.pi) - row[Column.UPPER]
@@ -201,9 +198,9 @@ def _axis_movement(
     """
     carrier, reference = int(row[Column.CARRIER]), int(row[Column.REFERENCE])
     first, last = min(carrier, reference) + 1, max(carrier, reference)
-    a = vector_kernel(row, Column.AXIS)
+    a = load(row, Column.AXIS)
     if carrier >= 0:
-        a = rotate(frames[carrier], a[0], a[1], a[2])
+        a = rotate(frames[carrier], a)
     inside = 0.0
     for j in range(first, last + 1):
         if chain[1 + j, 0] == 0.0:
@@ -223,14 +220,12 @@ def _axis_movement(
 
 
 @kernel(allocates=False)
-def _distance_bound(
-    frames: Array, row: Array, V: tuple[float, float, float], error: float, moved: float
-) -> float:
+def _distance_bound(frames: Array, row: Array, V: Vector, error: float, moved: float) -> float:
     """The largest distance over a cell: a convex function, largest at an end of the segment."""
-    d = vector_kernel(row, Column.DIRECTION)
+    d = load(row, Column.DIRECTION)
     x = relative_point_kernel(frames, row, point_kernel(frames, row))
-    c = vector_kernel(row, Column.CENTER)
-    y = (x[0] - c[0], x[1] - c[1], x[2] - c[2])
+    c = load(row, Column.CENTER)
+    y = subtract(x, c)
     along, across = dot(d, y), dot(d, V)
     y = (y[0] - along * d[0], y[1] - along * d[1], y[2] - along * d[2])
     v = (V[0] - across * d[0], V[1] - across * d[1], V[2] - across * d[2])
@@ -245,10 +240,8 @@ def _distance_bound(
 def _rotation_change(
     frames: Array,
     row: Array,
-    covector: tuple[float, float, float],
-    movement: tuple[
-        tuple[float, float, float], tuple[float, float, float], float, float, float, float
-    ],
+    covector: Vector,
+    movement: tuple[Vector, Vector, float, float, float, float],
     E: Array,
 ) -> float:
     """Bound of the change of a component of log(K X) while X turns by ``turn`` at most.
@@ -267,7 +260,7 @@ def _rotation_change(
     if 1.05 * largest < 1.0:
         w = covector
         if row[Column.REFERENCE] >= 0.0:
-            w = turned_back(frames[int(row[Column.REFERENCE])], w[0], w[1], w[2])
+            w = turned_back(frames[int(row[Column.REFERENCE])], w)
         change = min(change, abs(dot(w, W)) + 1.05 * turn_curved + 0.875 * turn * turn)
     return change
 
@@ -275,7 +268,7 @@ def _rotation_change(
 @kernel(allocates=False)
 def movement_kernel(
     chain: Array, frames: Array, row: Array, linear: Array, curved: Array
-) -> tuple[tuple[float, float, float], tuple[float, float, float], float, float, float, float]:
+) -> tuple[Vector, Vector, float, float, float, float]:
     """Relative motion of a row's bodies over a cell.
 
     Returns:
@@ -319,6 +312,6 @@ def movement_kernel(
         moved += min(lever * delta, 2.0 * lever)
     V, W = (vx, vy, vz), (wx, wy, wz)
     if reference >= 0:
-        V = turned_back(frames[reference], vx, vy, vz)
-        W = turned_back(frames[reference], wx, wy, wz)
+        V = turned_back(frames[reference], (vx, vy, vz))
+        W = turned_back(frames[reference], (wx, wy, wz))
     return V, W, turn, turn_curved, moved, error + 0.5 * quadratic

@@ -7,7 +7,7 @@ the reference, make the gradient in the joints.
 import math
 
 from compiled.kernel import kernel
-from compiled.vec3 import cross, dot
+from compiled.vec3 import Vector, cross, dot, load, rotate, scale, subtract, turned_back
 from kinematics.arrays import Array
 from planning.constraints.row import Column, RowKind
 
@@ -22,77 +22,47 @@ _NO_DIRECTION = 1e-12
 
 
 @kernel(allocates=False)
-def vector_kernel(row: Array, column: int) -> tuple[float, float, float]:
-    """The three entries of a row from a column on."""
-    return row[column], row[column + 1], row[column + 2]
-
-
-@kernel(allocates=False)
-def rotate(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """R (3, 3 or larger) times a vector."""
-    return (
-        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
-        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
-        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
-    )
-
-
-@kernel(allocates=False)
-def turned_back(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """R^T times a vector."""
-    return (
-        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
-        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
-        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
-    )
-
-
-@kernel(allocates=False)
-def point_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
+def point_kernel(frames: Array, row: Array) -> Vector:
     """The row's point in the base frame."""
     carrier = int(row[Column.CARRIER])
     if carrier < 0:
-        return vector_kernel(row, Column.POINT)
+        return load(row, Column.POINT)
     F = frames[carrier]
-    x, y, z = rotate(F, row[Column.POINT], row[Column.POINT + 1], row[Column.POINT + 2])
+    x, y, z = rotate(F, load(row, Column.POINT))
     return x + F[0, 3], y + F[1, 3], z + F[2, 3]
 
 
 @kernel(allocates=False)
-def relative_point_kernel(
-    frames: Array, row: Array, P: tuple[float, float, float]
-) -> tuple[float, float, float]:
+def relative_point_kernel(frames: Array, row: Array, P: Vector) -> Vector:
     """A point of the base frame in the row's reference."""
     reference = int(row[Column.REFERENCE])
     if reference < 0:
         return P
     F = frames[reference]
-    return turned_back(F, P[0] - F[0, 3], P[1] - F[1, 3], P[2] - F[2, 3])
+    return turned_back(F, subtract(P, (F[0, 3], F[1, 3], F[2, 3])))
 
 
 @kernel(allocates=False)
-def axis_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
+def axis_kernel(frames: Array, row: Array) -> Vector:
     """The row's axis in its reference."""
-    a = vector_kernel(row, Column.AXIS)
+    a = load(row, Column.AXIS)
     if row[Column.CARRIER] >= 0.0:
-        a = rotate(frames[int(row[Column.CARRIER])], a[0], a[1], a[2])
+        a = rotate(frames[int(row[Column.CARRIER])], a)
     if row[Column.REFERENCE] >= 0.0:
-        a = turned_back(frames[int(row[Column.REFERENCE])], a[0], a[1], a[2])
+        a = turned_back(frames[int(row[Column.REFERENCE])], a)
     return a
 
 
 @kernel(allocates=False)
-def to_base_kernel(
-    frames: Array, row: Array, a: tuple[float, float, float]
-) -> tuple[float, float, float]:
+def to_base_kernel(frames: Array, row: Array, a: Vector) -> Vector:
     """A direction of the row's reference in the base frame."""
     if row[Column.REFERENCE] < 0.0:
         return a
-    return rotate(frames[int(row[Column.REFERENCE])], a[0], a[1], a[2])
+    return rotate(frames[int(row[Column.REFERENCE])], a)
 
 
 @kernel(allocates=False)
-def log_kernel(E: Array) -> tuple[float, float, float]:
+def log_kernel(E: Array) -> Vector:
     """The rotation vector of E (3, 3), through the quaternion's largest component."""
     t = E[0, 0] + E[1, 1] + E[2, 2]
     if t >= E[0, 0] and t >= E[1, 1] and t >= E[2, 2]:
@@ -111,19 +81,19 @@ def log_kernel(E: Array) -> tuple[float, float, float]:
         w, x, y, z = -w, -x, -y, -z
     sine = math.sqrt(x * x + y * y + z * z)
     # Of a small rotation the quaternion is (e / 2, 1), here twice or four times as long.
-    scale = 2.0 / w if sine < _NO_DIRECTION * w else 2.0 * math.atan2(sine, w) / sine
-    return scale * x, scale * y, scale * z
+    factor = 2.0 / w if sine < _NO_DIRECTION * w else 2.0 * math.atan2(sine, w) / sine
+    return factor * x, factor * y, factor * z
 
 
 @kernel(allocates=False)
-def rotation_kernel(frames: Array, row: Array, E: Array) -> tuple[float, float, float]:
+def rotation_kernel(frames: Array, row: Array, E: Array) -> Vector:
     """Write K X of a ROTATION row into E (3, 3) and answer its rotation vector."""
     for column in range(3):
         a = (1.0 * (column == 0), 1.0 * (column == 1), 1.0 * (column == 2))
         if row[Column.CARRIER] >= 0.0:
-            a = rotate(frames[int(row[Column.CARRIER])], a[0], a[1], a[2])
+            a = rotate(frames[int(row[Column.CARRIER])], a)
         if row[Column.REFERENCE] >= 0.0:
-            a = turned_back(frames[int(row[Column.REFERENCE])], a[0], a[1], a[2])
+            a = turned_back(frames[int(row[Column.REFERENCE])], a)
         for i in range(3):
             k = Column.TURN + 3 * i
             E[i, column] = row[k] * a[0] + row[k + 1] * a[1] + row[k + 2] * a[2]
@@ -131,16 +101,14 @@ def rotation_kernel(frames: Array, row: Array, E: Array) -> tuple[float, float, 
 
 
 @kernel(allocates=False)
-def angle_kernel(a: tuple[float, float, float], d: tuple[float, float, float]) -> float:
+def angle_kernel(a: Vector, d: Vector) -> float:
     """Angle of two unit vectors [rad], exact near 0 and pi too."""
     x, y, z = cross(a, d)
     return math.atan2(math.sqrt(x * x + y * y + z * z), dot(a, d))
 
 
 @kernel(allocates=False)
-def away_kernel(
-    a: tuple[float, float, float], d: tuple[float, float, float]
-) -> tuple[float, float, float]:
+def away_kernel(a: Vector, d: Vector) -> Vector:
     """Unit vector about which a has to turn to leave d fastest; 0 where a is along d."""
     x, y, z = cross(d, a)
     length = math.sqrt(x * x + y * y + z * z)
@@ -162,17 +130,15 @@ def away_kernel(
 
 
 @kernel
-def value_kernel(
-    q: Array, frames: Array, row: Array, E: Array
-) -> tuple[float, tuple[float, float, float], tuple[float, float, float]]:
+def value_kernel(q: Array, frames: Array, row: Array, E: Array) -> tuple[float, Vector, Vector]:
     """A row's value and its covectors on the point's velocity and the angular velocity.
 
     Both are in the base frame; E (3, 3) is scratch. Of JOINT they mean nothing.
     """
     kind = int(row[Column.KIND])
     none = (0.0, 0.0, 0.0)
-    center = vector_kernel(row, Column.CENTER)
-    d = vector_kernel(row, Column.DIRECTION)
+    center = load(row, Column.CENTER)
+    d = load(row, Column.DIRECTION)
     if kind == _JOINT:
         return q[int(row[Column.CARRIER])], none, none
     if kind == _ANGLE:
@@ -180,21 +146,20 @@ def value_kernel(
         return angle_kernel(a, d), none, to_base_kernel(frames, row, away_kernel(a, d))
     if kind > _LOOK:
         e = rotation_kernel(frames, row, E)
-        a = vector_kernel(row, Column.AXIS)
+        a = load(row, Column.AXIS)
         b = log_slope_kernel(e, a)
         k = row[Column.TURN : Column.TURN + 9].reshape(3, 3)
-        back = turned_back(k, b[0], b[1], b[2])
+        back = turned_back(k, b)
         return dot(a, e), none, to_base_kernel(frames, row, back)
     x = relative_point_kernel(frames, row, point_kernel(frames, row))
-    y = (x[0] - center[0], x[1] - center[1], x[2] - center[2])
+    y = subtract(x, center)
     if kind == _COORDINATE:
         return dot(d, y), to_base_kernel(frames, row, d), none
     if kind == _DISTANCE:
         along = dot(d, y)
-        y = (y[0] - along * d[0], y[1] - along * d[1], y[2] - along * d[2])
+        y = subtract(y, scale(along, d))
         length = math.sqrt(dot(y, y))
-        scale = 1.0 / length if length > _NO_DIRECTION else 0.0
-        covector = (scale * y[0], scale * y[1], scale * y[2])
+        covector = scale(1.0 / length if length > _NO_DIRECTION else 0.0, y)
         return length, to_base_kernel(frames, row, covector), none
     a = axis_kernel(frames, row)
     length = math.sqrt(dot(y, y))
@@ -203,9 +168,7 @@ def value_kernel(
     u = (-y[0] / length, -y[1] / length, -y[2] / length)
     away = away_kernel(a, u)
     # u turns by (u x v) / |y| while the point moves by v: the angle is that of a seen from u.
-    linear = cross(away, u)
-    scale = 1.0 / length
-    linear = (scale * linear[0], scale * linear[1], scale * linear[2])
+    linear = scale(1.0 / length, cross(away, u))
     return (
         angle_kernel(a, u),
         to_base_kernel(frames, row, linear),
@@ -214,9 +177,7 @@ def value_kernel(
 
 
 @kernel(allocates=False)
-def log_slope_kernel(
-    e: tuple[float, float, float], a: tuple[float, float, float]
-) -> tuple[float, float, float]:
+def log_slope_kernel(e: Vector, a: Vector) -> Vector:
     """Covector on w of a . d log(E) for E' = S(w) E: the transposed inverse left Jacobian times a.
 
     J^-T a = a + e x a / 2 + (1 - (t / 2) cot(t / 2)) / t^2  e x (e x a), t = |e|.
@@ -253,8 +214,8 @@ def covector_kernel(
     chain: Array,
     frames: Array,
     row: Array,
-    linear: tuple[float, float, float],
-    angular: tuple[float, float, float],
+    linear: Vector,
+    angular: Vector,
     gradient: Array,
 ) -> None:
     """Write into (n,) what covectors on the velocities of a row's bodies make of each joint's."""
@@ -277,9 +238,7 @@ def covector_kernel(
 
 
 @kernel(allocates=False)
-def sideways_kernel(
-    frames: Array, row: Array, second: bool
-) -> tuple[float, tuple[float, float, float], tuple[float, float, float]]:
+def sideways_kernel(frames: Array, row: Array, second: bool) -> tuple[float, Vector, Vector]:
     """A bound across the way that a distance or an angle is measured, and its covectors.
 
     A ball of radius u holds |e . y| <= u for every direction e, not just the one towards y: without
@@ -287,7 +246,7 @@ def sideways_kernel(
     """
     kind = int(row[Column.KIND])
     none = (0.0, 0.0, 0.0)
-    d = vector_kernel(row, Column.DIRECTION)
+    d = load(row, Column.DIRECTION)
     if kind == _ANGLE:
         if second or row[Column.UPPER] >= 0.5 * math.pi:
             return math.inf, none, none
@@ -297,7 +256,7 @@ def sideways_kernel(
     if kind not in (_DISTANCE, _LOOK):
         return math.inf, none, none
     x = relative_point_kernel(frames, row, point_kernel(frames, row))
-    y = (x[0] - row[Column.CENTER], x[1] - row[Column.CENTER + 1], x[2] - row[Column.CENTER + 2])
+    y = subtract(x, load(row, Column.CENTER))
     if kind == _LOOK:
         length = math.sqrt(dot(y, y))
         if second or row[Column.UPPER] >= 0.5 * math.pi or length <= _NO_DIRECTION:
@@ -311,7 +270,7 @@ def sideways_kernel(
             to_base_kernel(frames, row, cross(a, w)),
         )
     along = dot(d, y)
-    y = (y[0] - along * d[0], y[1] - along * d[1], y[2] - along * d[2])
+    y = subtract(y, scale(along, d))
     length = math.sqrt(dot(y, y))
     line = dot(d, d) > 0.5
     if length <= _NO_DIRECTION or (line and second):

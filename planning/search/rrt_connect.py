@@ -36,7 +36,7 @@ from planning.planner import Planner, Query
 from planning.result import Attempt
 from planning.search.trees import Draws, Growth, Tally, Trees, grow_kernel, new_trees
 from planning.values.deadline import Deadline
-from planning.values.search_box import nearby_box, search_box
+from planning.values.search_box import search_box
 from planning.values.search_trees import Explored
 
 #: Share of the mean distance of two random configurations beyond which a node that has met
@@ -135,7 +135,7 @@ class TreePairs:
 
     def _draws(self, options: PairOptions) -> Draws:
         roots, guide = self.roots, options.guide
-        low, high = (search_box if options.whole else nearby_box)(self.checker.model.chain, roots)
+        low, high = search_box(self.checker.model.chain, roots, nearby=not options.whole)
         if guide is None:
             length = math.dist(roots[0].tolist(), roots[1].tolist())
             # Share of the draws that lie beside a guide. Most paths are there, and shorter; the

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector, cross, dot
+from compiled.vec3 import Vector, cross, dot, rotate, turned_back
 from kinematics.arrays import Array, Indices
 from obstacles.convex.piece import PieceKind
+from planning.proof.collision.displacement import meeting_body
 from planning.proof.collision.proposals import Proposal, ProposalRows, empty_proposal, propose
 from planning.proof.collision.separating_direction import height
 from planning.proof.joint_frames import forward_kernel, mimic_frames
@@ -348,7 +349,7 @@ def _settle_pair(
     proposal: Proposal,
 ) -> int:
     (a, b), centers, T = pair, w.centers, w.poses
-    meeting = _meeting(solids.bodies, solids.body[a], solids.body[b])
+    meeting = meeting_body(solids.bodies, solids.body[a], solids.body[b])
     known = (count, meeting, need)
     if solids.kinds[b] == _HALFSPACE:
         u = (-T[b, 0, 2], -T[b, 1, 2], -T[b, 2, 2])
@@ -393,12 +394,7 @@ def _try(
     if not length > 0.0:
         return -np.inf, 0.0
     if meeting >= 0:
-        R = w.frames[meeting]
-        u = (
-            R[0, 0] * u[0] + R[1, 0] * u[1] + R[2, 0] * u[2],
-            R[0, 1] * u[0] + R[1, 1] * u[1] + R[2, 1] * u[2],
-            R[0, 2] * u[0] + R[1, 2] * u[1] + R[2, 2] * u[2],
-        )
+        u = turned_back(w.frames[meeting], u)
     for k in range(3):
         way[k] = np.rint(u[k] / length * digits)
     u = _turned(w.frames, meeting, (way[0], way[1], way[2]))
@@ -409,25 +405,7 @@ def _try(
 @kernel(allocates=False)
 def _turned(frames: Array, body: int, u: Vector) -> Vector:
     """A vector in the base's axes, given in those of a body."""
-    if body < 0:
-        return u
-    R, (x, y, z) = frames[body], u
-    return (
-        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
-        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
-        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
-    )
-
-
-@kernel(allocates=False)
-def _meeting(bodies: Indices, a: int, b: int) -> int:
-    """The last body that two bodies both hang on, one of them it may be; -1 for the base."""
-    while a != b:
-        if a > b:
-            a = bodies[PARENT, a]
-        else:
-            b = bodies[PARENT, b]
-    return a
+    return u if body < 0 else rotate(frames[body], u)
 
 
 @kernel(allocates=False)
@@ -457,7 +435,7 @@ def _gap(
     for k, way in ((a, u), (b, back)):
         if solids.body[k] != meeting:
             _add_ball(solids, w, k, known, way)
-    loss = rest + _highest(w.heights, count)
+    loss = rest + w.heights[:count].max()
     if middle - loss > wanted or loss - rest > _TOO_FAR * (middle - rest - need):
         return middle, loss
     w.heights[:count] = middle
@@ -468,15 +446,7 @@ def _gap(
             still = _height(solids, w, k, way)
             for i in range(count):
                 w.heights[i] += still
-    return middle, rest + _highest(w.heights, count)
-
-
-@kernel(allocates=False)
-def _highest(heights: Array, count: int) -> float:
-    most = heights[0]
-    for i in range(1, count):
-        most = max(most, heights[i])
-    return float(most)
+    return middle, rest + w.heights[:count].max()
 
 
 @kernel(allocates=False)
@@ -486,14 +456,10 @@ def _height(solids: Solids, w: Cells, k: int, u: Vector) -> float:
     rounding = solids.sizes[k, 2]
     if solids.kinds[k] == _HALFSPACE:
         return float(T[k, 0, 3] * u[0] + T[k, 1, 3] * u[1] + T[k, 2, 3] * u[2] + rounding)
-    size, (first, last) = (solids.sizes[k, 0], solids.sizes[k, 1], 0.0), _span(solids, k)
+    size = solids.sizes[k, 0], solids.sizes[k, 1], 0.0
+    first, last = solids.starts[k], solids.starts[k + 1]
     along = height(solids.kinds[k], size, solids.columns, first, last, T, k, u)
     return float(along + rounding)
-
-
-@kernel(allocates=False)
-def _span(solids: Solids, k: int) -> tuple[int, int]:
-    return solids.starts[k], solids.starts[k + 1]
 
 
 @kernel(allocates=False)
@@ -515,7 +481,8 @@ def _add_ball(solids: Solids, w: Cells, k: int, known: tuple[int, int, float], u
 def _add_reach(solids: Solids, w: Cells, k: int, known: tuple[int, int, float], u: Vector) -> None:
     """Add the supports of solid k along a direction in the cell to ``heights``."""
     (count, meeting, _), heights, rounding = known, w.heights, solids.sizes[k, 2]
-    size, (first, last) = (solids.sizes[k, 0], solids.sizes[k, 1], 0.0), _span(solids, k)
+    size = solids.sizes[k, 0], solids.sizes[k, 1], 0.0
+    first, last = solids.starts[k], solids.starts[k + 1]
     t, s, (ux, uy, uz) = w.twists[solids.body[k] + 1], w.twists[meeting + 1], u
     for i in range(count):
         x, y, z = t[0, i] - s[0, i], t[1, i] - s[1, i], t[2, i] - s[2, i]

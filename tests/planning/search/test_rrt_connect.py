@@ -18,7 +18,7 @@ from planning.problem import JointGoal, Problem
 from planning.sampling.search import OmplPlanner
 from planning.search.rrt_connect import RrtConnect, RrtResult, rrt_connect
 from planning.values.deadline import Deadline
-from planning.values.search_box import nearby_box, search_box
+from planning.values.search_box import search_box
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 
 START, GOAL = HOME.copy(), HOME.copy()
@@ -114,7 +114,7 @@ def test_it_draws_from_the_limits_or_a_turn_beyond_what_is_known() -> None:
 def test_of_joints_that_turn_further_it_draws_within_half_a_turn_of_what_is_known() -> None:
     chain = builtin("ur5e").chain
     start, goal = np.zeros(6), np.array([0.5, -1.0, 0.0, 6.0, 0.0, -6.0])
-    whole, near = search_box(chain, [start, goal]), nearby_box(chain, [start, goal])
+    whole, near = (search_box(chain, [start, goal], nearby=near) for near in (False, True))
     turns = whole[1] - whole[0] > 2.0 * np.pi
     assert turns.any()
     least, most = np.minimum(start, goal) - np.pi, np.maximum(start, goal) + np.pi
@@ -123,7 +123,8 @@ def test_of_joints_that_turn_further_it_draws_within_half_a_turn_of_what_is_know
     # Every place of a joint that the whole box has is in it.
     assert (near[1] - near[0] >= np.minimum(whole[1] - whole[0], 2.0 * np.pi)).all()
     slides = replace(chain, joint_types=np.ones(6, dtype=np.int64))
-    assert np.array_equal(nearby_box(slides, [start, goal]), search_box(slides, [start, goal]))
+    near, whole = (search_box(slides, [start, goal], nearby=near) for near in (True, False))
+    assert np.array_equal(near, whole)
 
 
 def _ready(robot: RobotGeometry) -> tuple[Problem, Ready]:
