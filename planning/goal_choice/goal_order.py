@@ -26,7 +26,7 @@ from planning.preflight_result import Ready
 from planning.problem import PoseGoal, Problem
 from planning.result import ChosenConfiguration
 from planning.timing.rest_to_rest import motion_times
-from planning.values.goal_costs import GoalCosts
+from planning.values.preferences import GoalCosts
 
 #: The reason of a small move.
 _OWN_BRANCH = (

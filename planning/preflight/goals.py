@@ -25,7 +25,7 @@ from planning.preflight_result import ENOUGH, TOUCHING, Candidate
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure
 from planning.values.deadline import Deadline
-from planning.values.goal_costs import GoalCosts
+from planning.values.preferences import GoalCosts
 
 #: Free configurations of a pose at most, of those away from limits, of those at one, and copies of
 #: them with a joint a turn further than it need be.

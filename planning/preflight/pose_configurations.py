@@ -23,7 +23,7 @@ from kinematics.ik.solution import IkResult
 from kinematics.model.chain import Chain, JointType
 from kinematics.pose import from_axis_angle, rotation_error, transform
 from planning.goal_choice.goal_order import NEAR_LIMIT, motion_costs
-from planning.values.goal_costs import GoalCosts
+from planning.values.preferences import GoalCosts
 
 #: Turns below this are rounding: their axis has no direction [rad].
 _SAME = 1e-12

@@ -16,7 +16,7 @@ from planning.preflight_result import ENOUGH, SLACK, TOUCHING, Candidate, Ready,
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure
 from planning.values.deadline import Deadline
-from planning.values.goal_costs import GoalCosts
+from planning.values.preferences import GoalCosts
 
 
 def check_start(problem: Problem, checker: Checker | None = None) -> ValidStart | Failure:

@@ -45,7 +45,7 @@ from planning.sequence.via_blending import pass_ends
 from planning.sequence.world import Cell, Cells
 from planning.timing.rest_to_rest import motion_times
 from planning.values.deadline import Deadline
-from planning.values.goal_costs import GoalCosts, time_weight
+from planning.values.preferences import GoalCosts, time_weight
 
 
 class ConfigurationCosts:

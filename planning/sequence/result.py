@@ -11,7 +11,7 @@ from planning.result import ChosenConfiguration, Plan
 from planning.sequence.stage import Pair, Signal
 from planning.sequence.world import World
 from planning.values.finger_motion import FingerMotion
-from planning.values.goal_costs import GoalCosts
+from planning.values.preferences import GoalCosts
 
 
 @dataclass(frozen=True, slots=True)

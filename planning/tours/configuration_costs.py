@@ -20,7 +20,7 @@ from planning.goal_choice.goal_order import (
     turn_counts,
 )
 from planning.timing.rest_to_rest import Times
-from planning.values.goal_costs import GoalCosts, time_weight
+from planning.values.preferences import GoalCosts, time_weight
 
 
 class VisitCosts(NamedTuple):

@@ -20,8 +20,8 @@ from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline.planners import PLANNERS
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import ChosenConfiguration, StageReport
-from planning.values.goal_costs import GoalCosts
 from planning.values.optimize_options import RefineOptions
+from planning.values.preferences import GoalCosts
 from planning.values.preferred_clearance import PreferredClearance
 from service.fields import picked
 from service.translate import poses, timings

@@ -22,7 +22,7 @@ from planning.preflight_result import Ready
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Plan
 from planning.timing.rest_to_rest import motion_times
-from planning.values.goal_costs import GoalCosts
+from planning.values.preferences import GoalCosts
 from tests.planning.scenes import box, builtin, planned_motion
 
 START = np.array([0.3, -1.4, 1.6, -1.5, -1.4, 0.5])

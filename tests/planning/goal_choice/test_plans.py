@@ -22,7 +22,7 @@ from planning.goal_choice.goal_order import MAX_LONGER_IN_BRANCH, limit_shares, 
 from planning.options import Options
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.timing.rest_to_rest import motion_times
-from planning.values.goal_costs import GoalCosts
+from planning.values.preferences import GoalCosts
 from tests.planning.goal_judge import judge, limit_share
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin, planned_motion

@@ -12,7 +12,7 @@ from kinematics.model.chain import Chain
 from kinematics.pose import from_rpy, transform
 from planning.preflight.pose_configurations import pose_configurations, turned_copies
 from planning.timing.rest_to_rest import motion_times
-from planning.values.goal_costs import GoalCosts
+from planning.values.preferences import GoalCosts
 from tests.planning.goal_judge import least_time, limit_share
 from tests.planning.scenes import builtin
 

@@ -8,8 +8,8 @@ import pytest
 
 from kinematics.errors import InvalidOption
 from planning.values.deadline import Deadline
-from planning.values.goal_costs import GoalCosts
 from planning.values.optimize_options import CONTROL_POINTS, DEGREES, MAX_ROUNDS, RefineOptions
+from planning.values.preferences import GoalCosts
 from planning.values.preferred_clearance import PreferredClearance
 
 
