@@ -31,7 +31,7 @@ from planning.stops.stop_motion import Stop, stop_motion
 from planning.timing.jerk.state_to_state import JointState, Synchronization
 from planning.timing.options import TimingOptions
 from planning.tool_motions.tool_tolerance import SeamOptions
-from planning.values.stop_kind import StopKind, StopKinds
+from planning.values.preferences import StopKind, StopKinds
 
 
 @typed

@@ -108,7 +108,7 @@ from planning.tours.problem import TourProblem as TourProblem
 from planning.tours.result import Tour as Tour
 from planning.values.limits import MotionLimits as MotionLimits
 from planning.values.preferences import GoalCosts as GoalCosts
-from planning.values.preferred_clearance import PreferredClearance as PreferredClearance
+from planning.values.preferences import PreferredClearance as PreferredClearance
 from planning.values.search_trees import Explored as Explored
 from planning.witness.witness import witness as witness
 from tracking.controllers.adaptive import Adaptive as Adaptive

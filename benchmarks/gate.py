@@ -20,7 +20,7 @@ from armwright_client import Box, GuardState, Obstacle, Pose, Scene, Sphere
 from armwright_client import Guard as Session
 from armwright_client import Proposal as ProposalBody
 from planning.guard.gate import Guard
-from planning.values.stop_kind import StopKinds
+from planning.values.preferences import StopKinds
 from service.app import create_app
 from service.settings import Settings
 from tests.planning.guard.cases import cases, faults

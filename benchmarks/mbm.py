@@ -26,7 +26,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.result import Failure, Plan
-from planning.values.preferred_clearance import DEFAULT_PREFERRED, PreferredClearance
+from planning.values.preferences import DEFAULT_PREFERRED, PreferredClearance
 
 #: Stages after the path is found.
 AFTERWARDS = {"timing", "certificate"}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 
 #: Where states are looked at about the nearest instant of a span, as shares of the time to the next
 #: instants; then about the nearest of these.

@@ -13,10 +13,8 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.timing.options import TimingOptions
 from planning.tool_motions.tool_tolerance import SeamOptions
 from planning.values.optimize_options import RefineOptions
-from planning.values.preferences import GoalCosts
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import GoalCosts, PreferredClearance, StopKinds
 from planning.values.search_trees import Explored
-from planning.values.stop_kind import StopKinds
 
 #: Longest a single plan may take [s].
 MAX_TIMEOUT = 600.0

@@ -22,7 +22,7 @@ from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import Problem
 from planning.result import Failure
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 
 #: Between two looks at a motion [s].
 PERIOD = 5e-3

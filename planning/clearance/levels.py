@@ -20,7 +20,7 @@ from kinematics.caches.bounded_cache import bounded_cache
 from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 
 #: Edges that a search may check after which others follow: most paths are found within many, and
 #: those that few do not find are rarely there.

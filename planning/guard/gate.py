@@ -26,7 +26,7 @@ from planning.stops.family_proof import Worst, prove_family
 from planning.stops.stop_family import StopFamily, braking_motion
 from planning.timing.jerk.state_to_state import JointState
 from planning.values.limits import RATIO_TOLERANCE, MotionLimits, position_excess
-from planning.values.stop_kind import StopKinds
+from planning.values.preferences import StopKinds
 
 #: A proposal that begins no farther than this from the state begins there [rad or m, and rates].
 _SAME_STATE = 1e-6

@@ -29,7 +29,7 @@ from planning.timing.path.simplification import Polyline, simplified_polyline
 from planning.timing.spline.spline import Ends, chord_knots, led_by, smooth_curve, spline_path
 from planning.timing.time_scaling import ScaledTime, with_duration
 from planning.values.limits import MotionLimits
-from planning.values.stop_kind import StopKinds
+from planning.values.preferences import StopKinds
 
 
 @dataclass(frozen=True, slots=True, eq=False)

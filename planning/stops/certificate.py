@@ -17,7 +17,7 @@ from planning.stops.path_stops import prove_path_stops
 from planning.stops.stop_family import StopFamily
 from planning.values.deadline import Deadline
 from planning.values.limits import MotionLimits
-from planning.values.stop_kind import StopKinds
+from planning.values.preferences import StopKinds
 
 #: Parts of a motion on which the longest stop with all joints braking is bounded [s].
 _PART = 0.01

@@ -9,7 +9,7 @@ from planning.stops.certificate import Surroundings
 from planning.stops.path_stops import path_stop, prove_path_stops
 from planning.stops.stop_family import joint_stop
 from planning.values.deadline import Deadline
-from planning.values.stop_kind import StopKind
+from planning.values.preferences import StopKind
 
 
 @dataclass(frozen=True, slots=True)

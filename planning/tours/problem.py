@@ -16,7 +16,7 @@ from planning.options import Options
 from planning.problem import Goal, JointGoal
 from planning.reach.evaluation import Tolerance
 from planning.tours.local_search import Precedence
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 
 Pairs = Sequence[tuple[str, str]]
 #: Configurations of all goals together: tables of their times take 130 megabytes.

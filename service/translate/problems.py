@@ -21,8 +21,7 @@ from planning.pipeline.planners import PLANNERS
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import ChosenConfiguration, StageReport
 from planning.values.optimize_options import RefineOptions
-from planning.values.preferences import GoalCosts
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import GoalCosts, PreferredClearance
 from service.fields import picked
 from service.translate import poses, timings
 from service.translate.constraints import constraint_set

@@ -30,7 +30,7 @@ from planning.sequence.world import World
 from planning.tours.planner import plan_tour
 from planning.tours.problem import TourGoal, TourOptions, TourProblem
 from planning.tours.result import Tour
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 from tests.planning.goal_judge import (
     LONGER,
     NEAR,

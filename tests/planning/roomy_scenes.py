@@ -10,7 +10,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Cylinder, Sphere
 from planning.problem import JointGoal, Problem
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 
 
 def _post(random: np.random.Generator, reach: float) -> list[Obstacle]:

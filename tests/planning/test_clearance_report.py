@@ -12,7 +12,7 @@ from obstacles.robots.robot_geometry import hulled
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
 from planning.clearance_report import clearance_report
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 from tests.obstacles.test_hulled import robot
 from tests.planning.scenes import box, builtin
 

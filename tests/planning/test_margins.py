@@ -19,7 +19,7 @@ from planning.preflight.preflight import preflight
 from planning.preflight_result import Ready
 from planning.problem import JointGoal, Problem
 from planning.result import Failure, Plan
-from planning.values.preferred_clearance import DEFAULT_PREFERRED
+from planning.values.preferences import DEFAULT_PREFERRED
 from tests.planning.scenes import planned_motion
 from tests.planning.slider import slider
 

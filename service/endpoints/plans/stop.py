@@ -12,7 +12,7 @@ from planning.pipeline.stoppable import surroundings
 from planning.stops.certificate import Surroundings
 from planning.stops.stop_motion import stop_motion
 from planning.values.limits import MotionLimits
-from planning.values.stop_kind import StopKind
+from planning.values.preferences import StopKind
 from service.endpoints.plan.task import proof_question, question
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, problems, timings, trajectories

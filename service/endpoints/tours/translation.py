@@ -17,7 +17,7 @@ from planning.options import MAX_TIMEOUT, Options
 from planning.problem import Goal
 from planning.tours import problem as domain
 from planning.tours.result import Leg, Tour
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 from service.endpoints.tasks.translation import reach_tolerance
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set

@@ -17,7 +17,7 @@ from planning.clearance.levels import (
     leg_states,
     path_levels,
 )
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 from tests.planning.scenes import box, builtin, pillar
 from tests.planning.slider import slider
 

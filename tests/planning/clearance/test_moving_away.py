@@ -17,7 +17,7 @@ from planning.clearance.time_shortcut import _Bounds, _meet, quicken, quicken_ke
 from planning.search.shortcut import look_of
 from planning.timing.estimate import LEG_ROWS, estimate_limits, estimated_time
 from planning.values.deadline import Deadline
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 from tests.planning.scenes import HOME, box, builtin
 from tests.planning.search.test_shortcut import HALF, RADIUS, gap
 from tests.planning.slider import slider

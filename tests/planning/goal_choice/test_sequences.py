@@ -21,8 +21,7 @@ from planning.sequence.world import World
 from planning.tours.planner import plan_tour
 from planning.tours.problem import TourGoal, TourOptions, TourProblem
 from planning.tours.result import Tour
-from planning.values.preferences import GoalCosts
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import GoalCosts, PreferredClearance
 from tests.planning.goal_choice_sequences import judge
 from tests.planning.scenes import builtin
 from tests.planning.sequence import crate

@@ -20,7 +20,7 @@ from planning.guard.proposals import (
 from planning.stops.braking import BrakingLimits
 from planning.stops.certificate import Surroundings, certify_stops
 from planning.timing.jerk.state_to_state import JointState
-from planning.values.stop_kind import StopKinds
+from planning.values.preferences import StopKinds
 from tests.planning.stops.judge import Brakes, CoalArm
 from tests.planning.stops.motions import Moved, motions, rest_to_rest
 

@@ -23,7 +23,7 @@ from planning.guard.proposals import (
     end_state,
 )
 from planning.timing.jerk.state_to_state import JointState
-from planning.values.stop_kind import StopKinds
+from planning.values.preferences import StopKinds
 from tests.planning.guard.cases import cases, faults
 from tests.planning.scenes import builtin
 from tests.planning.stops.motions import ARMS, judge

@@ -19,7 +19,7 @@ from planning.result import Plan
 from planning.search.shortcut import shortcut
 from planning.stops.braking import BrakingLimits
 from planning.values.deadline import Deadline
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 from tests.planning.scenes import HOME, box, builtin, planned_motion, planning_failure, shelf
 from tests.planning.slider import slider
 

@@ -9,8 +9,7 @@ import pytest
 from kinematics.errors import InvalidOption
 from planning.values.deadline import Deadline
 from planning.values.optimize_options import CONTROL_POINTS, DEGREES, MAX_ROUNDS, RefineOptions
-from planning.values.preferences import GoalCosts
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import GoalCosts, PreferredClearance
 
 
 @pytest.mark.parametrize(

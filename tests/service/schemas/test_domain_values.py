@@ -11,8 +11,7 @@ from kinematics.errors import InvalidPose
 from kinematics.rounding import check_axis_length, check_quaternion_norm, check_rotation
 from obstacles.robots.tool import SIZES
 from planning.pipeline.planners import PLANNERS
-from planning.values.preferences import GoalCosts
-from planning.values.preferred_clearance import DEFAULT_PREFERRED, MAX_PREFERRED
+from planning.values.preferences import DEFAULT_PREFERRED, MAX_PREFERRED, GoalCosts
 
 
 def test_defaults_and_names_are_those_of_planning() -> None:

@@ -26,7 +26,7 @@ from planning.constraints.kinds.region import PlaneRegion
 from planning.options import CartesianOptions, Options
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.timing.options import TimingOptions
-from planning.values.preferred_clearance import PreferredClearance
+from planning.values.preferences import PreferredClearance
 from tests.planning.proof.sabotage.judge import Arm, Residual, Truth
 from tests.planning.scenes import HOME, box, builtin, pillar
 
