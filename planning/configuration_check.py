@@ -10,7 +10,7 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld, OverlapMeter, overlap_meter
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
-from planning.preflight_result import TOUCHING
+from planning.planner import TOUCHING
 
 #: Distances above this are exact as the kernel finds them; below it FCL measures the depth [m].
 _DEPTH_BELOW = 1e-6

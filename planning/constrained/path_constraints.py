@@ -12,7 +12,7 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import TOLERANCE
 from planning.constraints.row import RowKind
 from planning.constraints.solvers.conflict import conflict
-from planning.preflight_result import TOUCHING, Ready
+from planning.planner import TOUCHING, Ready
 from planning.problem import PoseGoal, Problem
 from planning.result import Failure
 from planning.values.deadline import Deadline

@@ -30,8 +30,7 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import EDGE_CELLS, EdgeVerdict, edge_kernel
 from planning.constraints.solvers.active_set import FEASIBLE, make_feasible
 from planning.constraints.solvers.active_set_program import Goal, make_goal, make_work
-from planning.planner import Query
-from planning.preflight_result import TOUCHING
+from planning.planner import TOUCHING, Query
 from planning.problem import PoseGoal
 from planning.result import Attempt
 from planning.values.deadline import Deadline

@@ -22,7 +22,7 @@ from kinematics.ik.numeric.numeric import ORIENTATION_TOLERANCE, POSITION_TOLERA
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain, JointType
 from kinematics.pose import rotation_error
-from planning.preflight_result import Ready
+from planning.planner import Ready
 from planning.problem import PoseGoal, Problem
 from planning.result import ChosenConfiguration
 from planning.timing.rest_to_rest import motion_times

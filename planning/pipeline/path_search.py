@@ -24,8 +24,7 @@ from planning.constrained.relaxation import Relaxation, find_relaxation
 from planning.options import Options
 from planning.pipeline.diagnosis import Diagnosis, diagnose
 from planning.pipeline.planners import CASCADE
-from planning.planner import Planner, Query
-from planning.preflight_result import Ready
+from planning.planner import Planner, Query, Ready
 from planning.problem import Problem
 from planning.result import Attempt, Failure, Stages
 from planning.search.shortcut import path_is_free, shortcut

@@ -36,11 +36,10 @@ from planning.pipeline.optimize_stage import (
 from planning.pipeline.path_search import FoundPath, PathSearch
 from planning.pipeline.planners import choose_fallback, choose_planners, with_reserve
 from planning.pipeline.stoppable import Stoppable, surroundings, with_stops
-from planning.planner import Planner
+from planning.planner import Planner, Ready
 from planning.preflight.goals import pose_goals
 from planning.preflight.limits import moved_note, rates_onto_limits
 from planning.preflight.preflight import preflight, start_only
-from planning.preflight_result import Ready
 from planning.problem import PoseGoal, Problem
 from planning.proof.certificate import Certificate, certify
 from planning.proof.violation import Violation

@@ -16,8 +16,8 @@ from kinematics.ik.solution import IkResult
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld, overlap_meter
+from planning.planner import TOUCHING
 from planning.preflight.limits import LimitViolation
-from planning.preflight_result import TOUCHING
 from planning.problem import Problem
 from planning.result import Failure
 from planning.values.limits import position_excess

@@ -11,6 +11,7 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import overlap_meter
 from planning.constrained.ik import goal_configurations
 from planning.goal_choice.goal_order import is_at_limit, motion_costs
+from planning.planner import ENOUGH, TOUCHING, Candidate
 from planning.preflight.failures import (
     Refusal,
     collision_failure,
@@ -21,7 +22,6 @@ from planning.preflight.failures import (
 )
 from planning.preflight.limits import goal_onto_limits
 from planning.preflight.pose_configurations import pose_configurations, turned_copies
-from planning.preflight_result import ENOUGH, TOUCHING, Candidate
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure
 from planning.values.deadline import Deadline

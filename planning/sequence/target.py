@@ -20,8 +20,8 @@ from kinematics.pose import from_axis_angle, inverse, transform
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import overlap_meter
 from planning.goal_choice.goal_order import is_at_limit
+from planning.planner import TOUCHING
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits
-from planning.preflight_result import TOUCHING
 from planning.problem import JointGoal
 from planning.sequence.stage import Grasp, Move, Place, Stage
 from planning.sequence.world import Contact, World

@@ -13,10 +13,10 @@ from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from planning.constrained.path_constraints import end_violation
 from planning.goal_choice.goal_order import is_at_limit
+from planning.planner import TOUCHING
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import goal_onto_limits
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits
-from planning.preflight_result import TOUCHING
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.reach.evaluation import parameter_values
 from planning.result import Failure

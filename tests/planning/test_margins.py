@@ -15,8 +15,8 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.limit import ClearanceConstraint
 from planning.options import Options
 from planning.pipeline.pipeline import plan
+from planning.planner import Ready
 from planning.preflight.preflight import preflight
-from planning.preflight_result import Ready
 from planning.problem import JointGoal, Problem
 from planning.result import Failure, Plan
 from planning.values.preferences import DEFAULT_PREFERRED

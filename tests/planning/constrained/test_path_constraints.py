@@ -15,7 +15,7 @@ from planning.constrained.relaxation import Relaxation, find_relaxation
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import JointConstraint, PositionConstraint
 from planning.constraints.kinds.region import PlaneRegion
-from planning.preflight_result import Ready
+from planning.planner import Ready
 from planning.problem import JointGoal, Problem
 from planning.result import Failure
 from planning.values.deadline import Deadline

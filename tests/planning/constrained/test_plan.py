@@ -36,8 +36,8 @@ from planning.field.options import FieldOptions
 from planning.field.planner import potential_field
 from planning.options import Options
 from planning.pipeline.pipeline import plan
+from planning.planner import Ready
 from planning.preflight.preflight import preflight
-from planning.preflight_result import Ready
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.proof.certificate import certify
 from planning.result import Failure, Plan

@@ -16,9 +16,9 @@ from obstacles.scenes.scene import Obstacle, Scene
 from planning.goal_choice.goal_order import plan_configuration
 from planning.options import Options
 from planning.pipeline import pipeline
+from planning.planner import Ready
 from planning.preflight.goals import pose_goals
 from planning.preflight.preflight import preflight
-from planning.preflight_result import Ready
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Plan
 from planning.timing.rest_to_rest import motion_times

@@ -20,8 +20,7 @@ from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline import pipeline
 from planning.pipeline.pipeline import plan
 from planning.pipeline.planners import CASCADE, PLANNERS, ByConstraints, choose_planners
-from planning.planner import Query
-from planning.preflight_result import Ready
+from planning.planner import Query, Ready
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Attempt, Failure, Plan
 from planning.sampling.planners import PLANNERS as OMPL_PLANNERS

@@ -10,6 +10,7 @@ from kinematics.forward import forward
 from kinematics.pose import from_rpy, transform
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
+from planning.planner import ENOUGH, TOUCHING, Ready
 from planning.preflight.failures import (
     collision_failure,
 )
@@ -21,7 +22,6 @@ from planning.preflight.limits import (
     snap_to_limits,
 )
 from planning.preflight.preflight import preflight, start_only
-from planning.preflight_result import ENOUGH, TOUCHING, Ready
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure
 from planning.values.deadline import Deadline

@@ -18,9 +18,9 @@ from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Sphere
 from planning.options import Options
 from planning.pipeline.pipeline import plan
+from planning.planner import TOUCHING
 from planning.preflight import failures
 from planning.preflight.failures import nearest_free
-from planning.preflight_result import TOUCHING
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure, Plan
 from tests.planning.scenes import HOME, box, builtin, planned_motion, planning_failure, shelf

@@ -11,9 +11,8 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
-from planning.planner import Query
+from planning.planner import Query, Ready
 from planning.preflight.preflight import preflight
-from planning.preflight_result import Ready
 from planning.problem import JointGoal, Problem
 from planning.sampling.search import OmplPlanner
 from planning.search.rrt_connect import RrtConnect, RrtResult, rrt_connect
