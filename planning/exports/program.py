@@ -22,16 +22,20 @@ from planning.exports import formats
 from planning.exports.corners import lever_arms
 from planning.exports.export import (
     ENDINGS,
+    RULES,
     Place,
     ProvedRun,
+    allowed_lines,
     check_premises,
     language_of,
+    plain,
     prove_run,
+    signed,
+    unproved_parts,
 )
 from planning.exports.languages import Language, WrittenMotion, procedure
 from planning.exports.options import SPLINE_FORMATS, Event, ExportFormat, ExportOptions, Rule
 from planning.exports.points import single_degrees
-from planning.exports.statement import RULES, allowed_lines, plain, signed, unproved_parts
 from planning.exports.steps import RosSteps, Table
 from planning.proof.certificate import Certificate, certify
 from planning.proof.gripper import certify_gripper

@@ -20,9 +20,8 @@ from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.exports.corners import lever_arms
-from planning.exports.export import Export, export, joint_tolerance
+from planning.exports.export import Export, export, joint_tolerance, plain
 from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
-from planning.exports.statement import plain
 from planning.options import Options
 from planning.problem import JointGoal, Problem
 from planning.timing.options import Solver, TimingOptions
