@@ -25,9 +25,8 @@ from planning.result import Failure, Plan
 from planning.retiming import retime as timing
 from planning.retiming.retime import PathToTime, Retimed
 from planning.retiming.state_motion import time_states
-from planning.stops.certificate import StopCertificate, Surroundings
+from planning.stops.certificate import Stop, StopCertificate, Surroundings, stop_motion
 from planning.stops.certificate import certify_stops as prove_stops
-from planning.stops.stop_motion import Stop, stop_motion
 from planning.timing.jerk.state_to_state import JointState, Synchronization
 from planning.timing.options import TimingOptions
 from planning.tool_motions.tool_tolerance import SeamOptions

@@ -92,9 +92,9 @@ from planning.sequence.target import place_region as place_region
 from planning.sequence.task import Task as Task
 from planning.sequence.world import Held as Held
 from planning.sequence.world import World as World
+from planning.stops.certificate import Stop as Stop
 from planning.stops.certificate import StopCertificate as StopCertificate
 from planning.stops.certificate import Surroundings as Surroundings
-from planning.stops.stop_motion import Stop as Stop
 from planning.timing.jerk.state_to_state import JointState as JointState
 from planning.timing.options import TimingOptions as TimingOptions
 from planning.tool_motions.tool_tolerance import SeamOptions as SeamOptions

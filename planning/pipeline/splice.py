@@ -15,7 +15,7 @@ from planning.pipeline.stoppable import surroundings
 from planning.problem import Problem
 from planning.proof.certificate import certify
 from planning.result import Failure, Path, Plan
-from planning.stops.stop_motion import stop_motion
+from planning.stops.certificate import stop_motion
 
 #: Name of the stage whose motion the stop is.
 STOP = "stop"

@@ -9,8 +9,7 @@ from armwright_wire.plans.plan import ValidateRequest
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
 from planning.pipeline.stoppable import surroundings
-from planning.stops.certificate import Surroundings
-from planning.stops.stop_motion import stop_motion
+from planning.stops.certificate import Surroundings, stop_motion
 from planning.values.limits import MotionLimits
 from planning.values.preferences import StopKind
 from service.endpoints.plan.task import proof_question, question
