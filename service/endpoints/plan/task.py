@@ -25,7 +25,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.options import Options
 from planning.pipeline import pipeline
-from planning.pipeline.splice import Splice
+from planning.pipeline.moving_start import Splice
 from planning.problem import Problem
 from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
