@@ -10,6 +10,7 @@ from armwright.motion import stop as stop
 from armwright.notebook import Page as Page
 from armwright.notebook import view as view
 from planning.configuration_check import ConfigurationReport as ConfigurationReport
+from planning.constraints.kinds.constraint import ClearanceConstraint as ClearanceConstraint
 from planning.constraints.kinds.constraint import ConeConstraint as ConeConstraint
 from planning.constraints.kinds.constraint import JointConstraint as JointConstraint
 from planning.constraints.kinds.constraint import LookAtConstraint as LookAtConstraint
@@ -18,9 +19,8 @@ from planning.constraints.kinds.constraint import PositionConstraint as Position
 from planning.constraints.kinds.constraint import (
     RelativePoseConstraint as RelativePoseConstraint,
 )
-from planning.constraints.kinds.limit import ClearanceConstraint as ClearanceConstraint
-from planning.constraints.kinds.limit import ToolSpeedConstraint as ToolSpeedConstraint
-from planning.constraints.kinds.limit import TorqueConstraint as TorqueConstraint
+from planning.constraints.kinds.constraint import ToolSpeedConstraint as ToolSpeedConstraint
+from planning.constraints.kinds.constraint import TorqueConstraint as TorqueConstraint
 from planning.constraints.kinds.region import BoxRegion as BoxRegion
 from planning.constraints.kinds.region import LineRegion as LineRegion
 from planning.constraints.kinds.region import PlaneRegion as PlaneRegion

@@ -34,12 +34,12 @@ from obstacles.scenes.scene import Scene
 from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import (
+    ClearanceConstraint,
     ConeConstraint,
     Geometric,
     OrientationConstraint,
     PositionConstraint,
 )
-from planning.constraints.kinds.limit import ClearanceConstraint
 from planning.constraints.kinds.region import PlaneRegion, SphereRegion
 from planning.options import Options
 from planning.pipeline.pipeline import plan

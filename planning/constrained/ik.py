@@ -27,8 +27,11 @@ from obstacles.collision.state_check import verdict_on
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import Constraint, RelativePoseConstraint
-from planning.constraints.kinds.limit import ClearanceConstraint
+from planning.constraints.kinds.constraint import (
+    ClearanceConstraint,
+    Constraint,
+    RelativePoseConstraint,
+)
 from planning.constraints.solvers.active_set import COURSE, OVER, STAGE, go_on
 from planning.constraints.solvers.active_set_program import (
     GAIN,

@@ -11,9 +11,9 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.forward import frames_kernel
 from kinematics.model.chain import Chain
-from planning.constraints.kinds.constraint import Constraint
-from planning.constraints.kinds.limit import (
+from planning.constraints.kinds.constraint import (
     ClearanceConstraint,
+    Constraint,
     ToolSpeedConstraint,
     TorqueConstraint,
 )

@@ -12,6 +12,7 @@ from kinematics.model.chain import Chain
 from kinematics.pose import from_quaternion
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import (
+    ClearanceConstraint,
     ConeConstraint,
     Constraint,
     JointConstraint,
@@ -19,9 +20,6 @@ from planning.constraints.kinds.constraint import (
     OrientationConstraint,
     PositionConstraint,
     RelativePoseConstraint,
-)
-from planning.constraints.kinds.limit import (
-    ClearanceConstraint,
     ToolSpeedConstraint,
     TorqueConstraint,
 )

@@ -26,7 +26,7 @@ from kinematics.model.dh_table import DhRow, DhTable
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.limit import TorqueConstraint
+from planning.constraints.kinds.constraint import TorqueConstraint
 from planning.proof.constraints.constraint_limits import constrained_efforts
 from planning.values.limits import EffortLimits
 from tests.dynamics.samples import pinocchio_model, random_chain

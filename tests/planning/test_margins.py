@@ -12,7 +12,7 @@ from kinematics.pose import transform
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.limit import ClearanceConstraint
+from planning.constraints.kinds.constraint import ClearanceConstraint
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.planner import Ready

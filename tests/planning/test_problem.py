@@ -9,9 +9,9 @@ import pytest
 from kinematics.errors import InvalidGoal, InvalidRobotState
 from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import JointConstraint
-from planning.constraints.kinds.limit import (
+from planning.constraints.kinds.constraint import (
     ClearanceConstraint,
+    JointConstraint,
     ToolSpeedConstraint,
     TorqueConstraint,
 )

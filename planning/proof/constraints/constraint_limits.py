@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.model.chain import Chain
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.limit import (
+from planning.constraints.kinds.constraint import (
     ClearanceConstraint,
     ToolSpeedConstraint,
     TorqueConstraint,

@@ -19,15 +19,13 @@ from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constrained.path_constraints import apply_path_constraints
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import (
+    ClearanceConstraint,
     ConeConstraint,
     Constraint,
     Geometric,
     JointConstraint,
     OrientationConstraint,
     PositionConstraint,
-)
-from planning.constraints.kinds.limit import (
-    ClearanceConstraint,
     ToolSpeedConstraint,
     TorqueConstraint,
 )

@@ -15,6 +15,7 @@ from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_names
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import (
+    ClearanceConstraint,
     ConeConstraint,
     Constraint,
     JointConstraint,
@@ -22,9 +23,6 @@ from planning.constraints.kinds.constraint import (
     OrientationConstraint,
     PositionConstraint,
     RelativePoseConstraint,
-)
-from planning.constraints.kinds.limit import (
-    ClearanceConstraint,
     ToolSpeedConstraint,
     TorqueConstraint,
 )

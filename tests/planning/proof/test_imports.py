@@ -11,7 +11,7 @@ import planning.proof
 
 ALLOWED = {
     "planning.constraints.constraint_set",
-    "planning.constraints.kinds.limit",
+    "planning.constraints.kinds.constraint",
     "planning.constraints.row",
     "planning.values.deadline",
     "planning.values.limits",

@@ -13,7 +13,7 @@ from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.trajectory.trajectory import concatenate
 from obstacles.collision.checker import Checker
-from planning.constraints.kinds.limit import ToolSpeedConstraint
+from planning.constraints.kinds.constraint import ToolSpeedConstraint
 from planning.options import Options
 from planning.problem import JointGoal
 from planning.proof.certificate import Certificate, certify

@@ -11,8 +11,11 @@ import pytest
 import armwright as aw
 from kinematics.errors import InvalidGoal
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import ConeConstraint
-from planning.constraints.kinds.limit import ClearanceConstraint, ToolSpeedConstraint
+from planning.constraints.kinds.constraint import (
+    ClearanceConstraint,
+    ConeConstraint,
+    ToolSpeedConstraint,
+)
 from planning.options import Options
 from planning.problem import JointGoal, PoseGoal
 from planning.proof.certificate import certify

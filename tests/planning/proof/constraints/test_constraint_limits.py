@@ -8,7 +8,7 @@ import pytest
 from kinematics.errors import MissingLimit
 from kinematics.robots import builtin_chain
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.limit import (
+from planning.constraints.kinds.constraint import (
     ClearanceConstraint,
     ToolSpeedConstraint,
     TorqueConstraint,

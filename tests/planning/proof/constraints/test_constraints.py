@@ -14,8 +14,12 @@ from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints import edge_bounds
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import Geometric, JointConstraint, PositionConstraint
-from planning.constraints.kinds.limit import ClearanceConstraint
+from planning.constraints.kinds.constraint import (
+    ClearanceConstraint,
+    Geometric,
+    JointConstraint,
+    PositionConstraint,
+)
 from planning.constraints.kinds.region import SphereRegion
 from planning.proof.constraints.constraints import check_motion
 from tests.planning.constraints.samples import some_of_each

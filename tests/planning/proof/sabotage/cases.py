@@ -20,8 +20,13 @@ from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Scene
 from obstacles.shapes.shape import Cylinder
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import ConeConstraint, Constraint, PositionConstraint
-from planning.constraints.kinds.limit import ToolSpeedConstraint, TorqueConstraint
+from planning.constraints.kinds.constraint import (
+    ConeConstraint,
+    Constraint,
+    PositionConstraint,
+    ToolSpeedConstraint,
+    TorqueConstraint,
+)
 from planning.constraints.kinds.region import PlaneRegion
 from planning.options import CartesianOptions, Options
 from planning.problem import JointGoal, PoseGoal, Problem

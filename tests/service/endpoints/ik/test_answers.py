@@ -18,7 +18,7 @@ from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
 from planning.constrained.ik import ConstrainedSolution
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.limit import ClearanceConstraint
+from planning.constraints.kinds.constraint import ClearanceConstraint
 from service.endpoints.attached_objects import RobotInScene
 from service.endpoints.ik import task
 from service.endpoints.ik.answers import (
