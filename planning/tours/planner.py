@@ -13,9 +13,8 @@ from planning.preflight.preflight import check_start
 from planning.problem import JointGoal, Problem
 from planning.result import Failure
 from planning.timing.choice import chosen_parametrization
-from planning.tours.configuration_costs import StopConfigurations, VisitCosts, visit_costs
 from planning.tours.configurations import Configurations, find_configurations
-from planning.tours.legs import LegTable, least_times
+from planning.tours.legs import LegTable, StopConfigurations, VisitCosts, least_times, visit_costs
 from planning.tours.problem import TourOptions, TourProblem, goal_pairs
 from planning.tours.result import Tour, Unvisited
 from planning.tours.search import Stops, TourSearch
