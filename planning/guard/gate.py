@@ -17,13 +17,13 @@ from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from planning.guard.faults import Look, first_fault, hit_at, look_at, shifted, sound_stops
-from planning.guard.proposals import AT_REST, Proposal, end_state
-from planning.proof.certificate import Certificate, certify, has_solids
+from planning.guard.proposals import AT_REST, Proposal
+from planning.proof.certificate import Certificate, has_solids
 from planning.proof.limits.limits import QUANTITIES
 from planning.proof.violation import Violation
 from planning.stops.certificate import StopCertificate, Surroundings
 from planning.stops.family_proof import Worst, prove_family
-from planning.stops.stop_family import StopFamily, braking_motion
+from planning.stops.stop_family import StopFamily, braking_motion, state_at
 from planning.timing.jerk.state_to_state import JointState
 from planning.values.limits import RATIO_TOLERANCE, MotionLimits, position_excess
 from planning.values.preferences import StopKinds
@@ -274,7 +274,7 @@ class Guard:
             if elapsed < self.running.elapsed:
                 message = f"the state is stale: {self.running.elapsed:.6g} s had elapsed before"
                 faults.append(Violation("stale", 0.0, message, {"elapsed": elapsed}))
-            off = np.abs(rows[0] - end_state(motion, min(elapsed, motion.duration))[0])
+            off = np.abs(rows[0] - state_at(motion, min(elapsed, motion.duration))[0])
             if off.max() > self.tracking:
                 j = int(off.argmax())
                 message = f"joint {names[j]!r} is {off[j]:.6g} off the motion that the arm has"
@@ -288,21 +288,19 @@ class Guard:
                 left = rest_of(motion, elapsed)
                 lead = left if left.duration <= latency else left.split(latency)[0]
             if at < motion.duration:
-                return end_state(motion, at), lead, faults
+                return state_at(motion, at), lead, faults
             return np.stack([motion.end, 0.0 * motion.end, 0.0 * motion.end]), lead, faults
         if latency == 0.0 or np.abs(rows[1:]).max() == 0.0:
             return rows, None, faults
         c = np.stack([rows[0], rows[1], 0.5 * rows[2]], axis=1)
         lead = Trajectory(names, np.array([0.0, latency]), c[None])
-        return end_state(lead), lead, faults
+        return state_at(lead), lead, faults
 
     def prove(
         self, motion: Trajectory, around: Surroundings, stopped: Trajectory
     ) -> tuple[Certificate, StopCertificate]:
         """Certificates of a motion that ends at rest, and of stops from any instant of a part."""
-        proof = certify(
-            motion, around.robot, around.scene, margin=around.margin, limits=around.limits
-        )
+        proof = around.certify(motion)
         worst = Worst(0.0, 0.0, proof.clearance_pair, proof.min_clearance)
         # At full speed to the end of the motion at the latest, which keeps all limits.
         along = StopCertificate(self.kind, proof.verified, worst, stopped.duration)
@@ -417,7 +415,7 @@ class _Attempt:
         named = np.isfinite(self._around.limits.bounds.get("jerk", np.inf)).any()
         orders = QUANTITIES[: 3 if named else 2]
         for order, name in enumerate(orders):
-            jump = np.abs(end_state(motion, 0.0)[order] - self._begun[order])
+            jump = np.abs(state_at(motion, 0.0)[order] - self._begun[order])
             if jump.max() > _SAME_STATE:
                 j = int(jump.argmax())
                 message = f"the {name} of joint {names[j]!r} jumps by {jump[j]:.6g} at the begin"
@@ -427,7 +425,7 @@ class _Attempt:
 
     def _rest(self, motion: Trajectory) -> Trajectory:
         """The stop behind a motion: every joint braking at its end."""
-        end = end_state(motion)
+        end = state_at(motion)
         if np.abs(end[1]).max() <= AT_REST:
             return stay(motion.joint_names, end[0])
         return braking_motion(motion.joint_names, end, self._guard.braking)
@@ -479,7 +477,7 @@ class _Attempt:
         around, limits = self._around, self._chain.limits
         for order, name in enumerate(QUANTITIES[1:3], start=1):
             most = np.asarray(around.limits.bounds.get(name, getattr(limits, name)))
-            if (np.abs(end_state(motion, 0.0)[order]) > most * (1.0 + RATIO_TOLERANCE)).any():
+            if (np.abs(state_at(motion, 0.0)[order]) > most * (1.0 + RATIO_TOLERANCE)).any():
                 return True
         return False
 

@@ -19,7 +19,7 @@ from kinematics.trajectory.interpolation import INTERPOLATIONS, interpolate
 from kinematics.trajectory.trajectory import Trajectory, concatenate
 from kinematics.velocity import joint_velocities
 from planning.stops.braking import BrakingLimits
-from planning.stops.stop_family import braking_motion, taylor
+from planning.stops.stop_family import braking_motion, state_at, taylor
 
 #: Time after which the joint velocities of a twist are worked out anew [s].
 _TWIST_STEP = 0.02
@@ -199,14 +199,8 @@ class TwistProposal:
             wanted = joint_velocities(chain, state[0], scale * self.twist, link=self.link)
             rates = wanted.joint_velocities
             parts.append(braking_motion(chain.joint_names, state, limits, rates, span))
-            state = end_state(parts[-1])
+            state = state_at(parts[-1])
         return concatenate(parts)
-
-
-def end_state(motion: Trajectory, at: float | None = None) -> Array:
-    """Position, velocity and acceleration at an instant, the end where None, shape (3, n)."""
-    times = [motion.duration if at is None else at]
-    return np.stack([motion.sample(times, order)[0] for order in range(3)])
 
 
 def slowed(motion: Trajectory, limits: BrakingLimits, scale: float) -> Trajectory:

@@ -16,8 +16,8 @@ from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
-from obstacles.robots.robot_geometry import RobotGeometry
-from obstacles.scenes.scene import Scene
+from planning.planner import Ready
+from planning.problem import Problem
 from planning.sampling.search import sample
 from planning.search.straight_line import straight_line
 from planning.values.deadline import Deadline
@@ -94,28 +94,18 @@ class Diagnosis:
 
 
 def diagnose(
-    robot: RobotGeometry,
-    scene: Scene,
-    checker: Checker,
-    start: Array,
-    goals: Sequence[Array],
-    deadline: Deadline,
-    *,
-    margin: float = 0.0,
-    seed: int = 0,
+    problem: Problem, checker: Checker, ready: Ready, deadline: Deadline, seed: int = 0
 ) -> Diagnosis:
     """Find out what is in the way of a path that was not found.
 
     Args:
-        robot: The arm with its geometry.
-        scene: The obstacles.
+        problem: The robot, the scene and the margin.
         checker: The robot in that scene.
-        start: Free, shape (n,).
-        goals: Free, each (n,), the most wanted first.
+        ready: Start and goals, the most wanted first.
         deadline: When to stop looking.
-        margin: Kept from the obstacles beyond their own [m].
         seed: Of the motions that are drawn; the same seed gives the same answer, time permitting.
     """
+    start, goals, scene = ready.start, ready.goals, problem.scene
     random = np.random.default_rng(seed)
     # Share of the time for checking motions.
     checking = deadline.within(0.4 * deadline.remaining)
@@ -134,9 +124,7 @@ def diagnose(
     pairs = sorted(stopped.items(), key=lambda item: (-item[1], item[0]))
     suspects = list(dict.fromkeys(name for pair, _ in pairs for name in pair if name in scene.ids))
     # Obstacles that are taken away in turn.
-    tried, helping = _try_without(
-        robot, scene, start, goals, suspects[:3], deadline, margin=margin, seed=seed
-    )
+    tried, helping = _try_without(problem, ready, suspects[:3], deadline, seed)
     # Pairs that are reported, the most frequent first.
     return Diagnosis(
         blocked_by=tuple((pair, count / total) for pair, count in pairs[:8]),
@@ -172,15 +160,7 @@ def _random_motion(
 
 
 def _try_without(
-    robot: RobotGeometry,
-    scene: Scene,
-    start: Array,
-    goals: Sequence[Array],
-    suspects: Sequence[str],
-    deadline: Deadline,
-    *,
-    margin: float,
-    seed: int,
+    problem: Problem, ready: Ready, suspects: Sequence[str], deadline: Deadline, seed: int
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Obstacles that were taken away in turn, and those without which a path was found."""
     tried: list[str] = []
@@ -190,24 +170,24 @@ def _try_without(
             break
         # Share of the time that is then left for the search without each obstacle.
         until = deadline.within(0.5 * deadline.remaining)
-        others = tuple(obstacle for obstacle in scene.obstacles if obstacle.id != name)
-        checker = Checker.of(robot, replace(scene, obstacles=others), margin)
-        if _has_path(robot.chain, checker, start, list(goals), until, seed):
+        others = tuple(one for one in problem.scene.obstacles if one.id != name)
+        scene = replace(problem.scene, obstacles=others)
+        if _has_path(Checker.of(problem.robot, scene, problem.margin), ready, until, seed):
             helping.append(name)
         tried.append(name)
     return tuple(tried), tuple(helping)
 
 
-def _has_path(
-    chain: Chain, checker: Checker, start: Array, goals: list[Array], deadline: Deadline, seed: int
-) -> bool:
+def _has_path(checker: Checker, ready: Ready, deadline: Deadline, seed: int) -> bool:
+    start, goals = ready.start, list(ready.goals)
     waypoints, _ = straight_line(checker, start, goals)
     if waypoints is not None:
         return True
     try:
         attempt = sample(
-            "rrt_connect", chain, checker, start, goals, _SEARCH_OPTIONS, seed, deadline
-        )
+            "rrt_connect", checker.model.chain, checker, start, goals, _SEARCH_OPTIONS, seed,
+            deadline,
+        )  # fmt: skip
     except ArmwrightError:
         # A diagnosis never adds a failure of its own to the one it explains.
         return False

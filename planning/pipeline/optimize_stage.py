@@ -53,22 +53,24 @@ def refinement_options(options: Options, problem: Problem) -> Options:
         options = replace(
             options, planner="auto", planner_options=MappingProxyType({}), refine=chosen
         )
-    if problem.moving and options.refine is None:
-        raise InvalidOption(
-            "only an optimised motion begins or ends with a velocity or acceleration",
-            hint='Ask for planner "optimize" or for refine, or leave velocities out.',
-        )
-    if options.refine is not None and options.planner == "cartesian":
+    if options.refine is None:
+        if problem.moving:
+            raise InvalidOption(
+                "only an optimised motion begins or ends with a velocity or acceleration",
+                hint='Ask for planner "optimize" or for refine, or leave velocities out.',
+            )
+        return options
+    if options.planner == "cartesian":
         raise InvalidOption(
             "a motion led along lines and arcs can't be optimised: it would leave them",
             hint="Leave refine out, or name another planner.",
         )
-    if options.refine is not None and options.timing.times is not None:
+    if options.timing.times is not None:
         raise InvalidOption(
             "a motion whose times are given can't be optimised",
             hint="Leave timing.times out, or do not ask for refine.",
         )
-    if options.refine is not None and options.timing.solver is not None:
+    if options.timing.solver is not None:
         raise InvalidOption(
             "the optimiser times its motions itself: timing.solver does not apply",
             hint="Leave timing.solver out, or do not ask for refine.",

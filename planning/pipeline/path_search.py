@@ -294,21 +294,11 @@ class PathSearch:
 
     def _diagnose(self, ready: Ready) -> Diagnosis | Relaxation:
         """Diagnosis of a failed search, within the time reserved for it."""
-        problem, seed = self.problem, self.options.seed
+        seed, exact = self.options.seed, ready.checkers[-1]
         until = self.deadline.at_most(_MAX_RESERVED)
-        exact = ready.checkers[-1]
         if isinstance(exact, ConstrainedChecker):
             return find_relaxation(exact, ready.start, ready.goals, seed, until)
-        return diagnose(
-            problem.robot,
-            problem.scene,
-            exact,
-            ready.start,
-            ready.goals,
-            until,
-            margin=problem.margin,
-            seed=seed,
-        )
+        return diagnose(self.problem, exact, ready, until, seed)
 
     def _shorten(self, found: FoundPath) -> FoundPath:
         """The path with fewer waypoints. A tool path, or one to be kept, stays as it is."""

@@ -1,9 +1,7 @@
 """Planners by name, and the cascade that plans where none is named."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
-from types import MappingProxyType
 from typing import Any
 
 from kinematics.errors import InvalidOption
@@ -60,28 +58,6 @@ CASCADE: tuple[Planner, ...] = (
 )
 
 
-def _reject_options(options: Options) -> None:
-    if options.planner_options:
-        raise InvalidOption(
-            f"planner {options.planner!r} has no options",
-            hint="Name the planner that planner_options are for.",
-        )
-
-
-def _cascade(problem: Problem, options: Options) -> tuple[Planner, ...]:  # noqa: ARG001
-    _reject_options(options)
-    return CASCADE
-
-
-def _straight_line(problem: Problem, options: Options) -> tuple[Planner, ...]:  # noqa: ARG001
-    _reject_options(options)
-    return (StraightLine(),)
-
-
-def _potential_field(problem: Problem, options: Options) -> tuple[Planner, ...]:  # noqa: ARG001
-    return (PotentialField(FieldOptions.of(options.planner_options)),)
-
-
 def choose_fallback(options: Options) -> tuple[Planner, ...]:
     """Return the planner of OMPL's that a potential field falls back on; none of other planners.
 
@@ -111,36 +87,14 @@ def with_reserve(planners: tuple[Planner, ...]) -> tuple[Planner, ...]:
     return tuple(replace(one, share=0.6) for one in planners if isinstance(one, Cartesian))
 
 
-def _cartesian(problem: Problem, options: Options) -> tuple[Planner, ...]:
-    _reject_options(options)
-    return (Cartesian.of(problem, options),)
-
-
-def _ompl(name: str, problem: Problem, options: Options) -> tuple[Planner, ...]:  # noqa: ARG001
-    return (_ompl_planner(name, options.planner_options),)
-
-
 def _ompl_planner(name: str, options: Mapping[str, Any]) -> Planner:
     """One of OMPL's planners; RRT-Connect has a projected one for paths under constraints."""
     planner = OmplPlanner.of(name, options)
     return ByConstraints(planner, ProjectedRrt(name)) if name == "rrt_connect" else planner
 
 
-Factory = Callable[[Problem, Options], tuple[Planner, ...]]
-
-_FACTORIES: Mapping[str, Factory] = MappingProxyType(
-    {
-        "auto": _cascade,
-        "straight_line": _straight_line,
-        "potential_field": _potential_field,
-        "cartesian": _cartesian,
-        OPTIMIZE: _cascade,
-        **{name: partial(_ompl, name) for name in OMPL_PLANNERS},
-    }
-)
-
 #: Names of all planners.
-PLANNERS = tuple(_FACTORIES)
+PLANNERS = ("auto", "straight_line", "potential_field", "cartesian", OPTIMIZE, *OMPL_PLANNERS)
 
 
 def choose_planners(problem: Problem, options: Options) -> tuple[Planner, ...]:
@@ -154,11 +108,22 @@ def choose_planners(problem: Problem, options: Options) -> tuple[Planner, ...]:
         InvalidOption: There is no such planner or option, or a value is out of its range.
         InvalidGoal: The planner does not take goals like those of the problem.
     """
-    factory = _FACTORIES.get(options.planner)
-    if factory is None:
+    name = options.planner
+    if name not in PLANNERS:
         raise InvalidOption(
-            f"there is no planner {options.planner!r}",
+            f"there is no planner {name!r}",
             hint=f"Choose one of: {', '.join(PLANNERS)}.",
             planners=list(PLANNERS),
         )
-    return factory(problem, options)
+    if name in OMPL_PLANNERS:
+        return (_ompl_planner(name, options.planner_options),)
+    if name == "potential_field":
+        return (PotentialField(FieldOptions.of(options.planner_options)),)
+    if options.planner_options:
+        raise InvalidOption(
+            f"planner {name!r} has no options",
+            hint="Name the planner that planner_options are for.",
+        )
+    if name == "cartesian":
+        return (Cartesian.of(problem, options),)
+    return (StraightLine(),) if name == "straight_line" else CASCADE

@@ -1,4 +1,7 @@
-"""Certificate of the stops of a motion: from every instant of it the arm can come to rest."""
+"""Certificate of the stops of a motion: from every instant of it the arm can come to rest.
+
+A single stop is a motion of its own with the proof of any motion.
+"""
 
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -18,68 +21,6 @@ from planning.stops.stop_family import StopFamily, joint_stop
 from planning.values.deadline import Deadline
 from planning.values.limits import MotionLimits
 from planning.values.preferences import StopKind, StopKinds
-
-
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """A stop.
-
-    Args:
-        trajectory: The motion to rest; its time counts from the instant at which braking begins.
-        certificate: Its proof.
-        kind: "path" or "joints".
-        at: Instant of the motion that it leaves [s].
-    """
-
-    trajectory: Trajectory
-    certificate: Certificate
-    kind: StopKind
-    at: float
-
-
-def stop_motion(
-    trajectory: Trajectory,
-    around: Surroundings,
-    at: float,
-    kind: StopKind = "path",
-    deadline: Deadline | None = None,
-) -> Stop:
-    """The stop of a motion from an instant on, and its proof, which may find a collision.
-
-    Args:
-        trajectory: The motion.
-        around: Robot, scene, margin and limits.
-        at: The instant [s].
-        kind: "path" or "joints".
-        deadline: Instant at which the proof is given up.
-
-    Raises:
-        InvalidOption: The instant is outside the motion, the kind is none of these, or the motion
-            ends without rest, so that its path may be too short for a stop.
-        MissingLimit: The acceleration of a joint has no limit.
-    """
-    if not 0.0 <= at <= trajectory.duration:
-        raise InvalidOption(
-            f"at is {at:g} s, outside the motion",
-            hint=f"Give an instant from 0 to {trajectory.duration:.9g} s.",
-        )
-    braking, limits = around.braking, around.limits
-    if kind == "joints":
-        motion = joint_stop(trajectory, at, braking)
-    elif kind == "path":
-        found = prove_path_stops(trajectory, braking)
-        if not found.proved:
-            raise InvalidOption(found.message, hint='Ask for a stop of kind "joints".')
-        motion = path_stop(trajectory, at, braking)
-        # A stop along the path keeps limits of velocity and acceleration; its jerk is only told.
-        limits = replace(limits, holds_jerk=False)
-    else:
-        raise InvalidOption(f"there is no stop of kind {kind!r}", hint="Name path or joints.")
-    certificate = certify(
-        motion, around.robot, around.scene, margin=around.margin, limits=limits, deadline=deadline
-    )
-    return Stop(motion, certificate, kind, at)
-
 
 #: Parts of a motion on which the longest stop with all joints braking is bounded [s].
 _PART = 0.01
@@ -109,6 +50,21 @@ class Surroundings(NamedTuple):
         """
         chain = self.robot.chain
         return BrakingLimits.of(chain.limits, chain.joint_names, self.limits)
+
+    def certify(
+        self, motion: Trajectory, *, holds_jerk: bool = True, deadline: Deadline | None = None
+    ) -> Certificate:
+        """The proof of a motion here, within these limits.
+
+        Args:
+            motion: The motion.
+            holds_jerk: Whether jerk is to be kept where the limits say so; else it is only told.
+            deadline: Instant at which the proof is given up.
+        """
+        limits = self.limits if holds_jerk else replace(self.limits, holds_jerk=False)
+        return certify(
+            motion, self.robot, self.scene, margin=self.margin, limits=limits, deadline=deadline
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,3 +166,61 @@ def _check_kind(kind: str) -> None:
         raise InvalidOption(
             f"there are no stops of kind {kind!r}", hint='Name "path", "joints" or "both".'
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A stop.
+
+    Args:
+        trajectory: The motion to rest; its time counts from the instant at which braking begins.
+        certificate: Its proof.
+        kind: "path" or "joints".
+        at: Instant of the motion that it leaves [s].
+    """
+
+    trajectory: Trajectory
+    certificate: Certificate
+    kind: StopKind
+    at: float
+
+
+def stop_motion(
+    trajectory: Trajectory,
+    around: Surroundings,
+    at: float,
+    kind: StopKind = "path",
+    deadline: Deadline | None = None,
+) -> Stop:
+    """The stop of a motion from an instant on, and its proof, which may find a collision.
+
+    Args:
+        trajectory: The motion.
+        around: Robot, scene, margin and limits.
+        at: The instant [s].
+        kind: "path" or "joints".
+        deadline: Instant at which the proof is given up.
+
+    Raises:
+        InvalidOption: The instant is outside the motion, the kind is none of these, or the motion
+            ends without rest, so that its path may be too short for a stop.
+        MissingLimit: The acceleration of a joint has no limit.
+    """
+    if not 0.0 <= at <= trajectory.duration:
+        raise InvalidOption(
+            f"at is {at:g} s, outside the motion",
+            hint=f"Give an instant from 0 to {trajectory.duration:.9g} s.",
+        )
+    braking = around.braking
+    if kind == "joints":
+        motion = joint_stop(trajectory, at, braking)
+    elif kind == "path":
+        found = prove_path_stops(trajectory, braking)
+        if not found.proved:
+            raise InvalidOption(found.message, hint='Ask for a stop of kind "joints".')
+        motion = path_stop(trajectory, at, braking)
+    else:
+        raise InvalidOption(f"there is no stop of kind {kind!r}", hint="Name path or joints.")
+    # A stop along the path keeps limits of velocity and acceleration; its jerk is only told.
+    certificate = around.certify(motion, holds_jerk=kind == "joints", deadline=deadline)
+    return Stop(motion, certificate, kind, at)

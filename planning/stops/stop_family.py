@@ -216,8 +216,13 @@ def joint_stop(trajectory: Trajectory, at: float, limits: BrakingLimits) -> Traj
         at: Instant of it at which braking begins [s].
         limits: Limits that the joints brake at.
     """
-    state = np.stack([trajectory.sample([at], order)[0] for order in range(3)])
-    return braking_motion(trajectory.joint_names, state, limits)
+    return braking_motion(trajectory.joint_names, state_at(trajectory, at), limits)
+
+
+def state_at(motion: Trajectory, at: float | None = None) -> Array:
+    """Position, velocity and acceleration at an instant, the end where None, shape (3, n)."""
+    times = [motion.duration if at is None else at]
+    return np.stack([motion.sample(times, order)[0] for order in range(3)])
 
 
 def braking_motion(

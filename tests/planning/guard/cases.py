@@ -15,10 +15,10 @@ from planning.guard.proposals import (
     SamplesProposal,
     TrajectoryProposal,
     VelocityProposal,
-    end_state,
 )
 from planning.stops.braking import BrakingLimits
 from planning.stops.certificate import Surroundings, certify_stops
+from planning.stops.stop_family import state_at
 from planning.timing.jerk.state_to_state import JointState
 from planning.values.preferences import StopKinds
 from tests.planning.stops.judge import Brakes, CoalArm
@@ -65,17 +65,15 @@ def _of_motion(moved: Moved, random: np.random.Generator) -> Iterator[Case]:
         end = max(end, min(begin + 0.05, motion.duration))
         piece = motion if begin == 0.0 else motion.split(begin)[1]
         piece = piece if end >= motion.duration else piece.split(end - begin)[0]
-        yield Case(
-            "clean", around, JointState(*end_state(motion, begin)), TrajectoryProposal(piece)
-        )
+        yield Case("clean", around, JointState(*state_at(motion, begin)), TrajectoryProposal(piece))
     begin = random.uniform(0.0, 0.8 * motion.duration)
     times = np.linspace(begin, motion.duration, 9)[1:]
     noisy = motion.sample(times) + random.normal(0.0, 10.0 ** random.uniform(-5.0, -2.0), (8, n))
     period = (times[0] - begin) * random.choice([0.5, 1.0, 1.5])
-    state = JointState(*end_state(motion, begin))
+    state = JointState(*state_at(motion, begin))
     yield Case("noise", around, state, SamplesProposal(noisy, period, "natural_spline"))
     rates = random.normal(0.0, 1.0, n)
-    still = JointState(end_state(motion, begin)[0])
+    still = JointState(state_at(motion, begin)[0])
     yield Case("wander", around, still, VelocityProposal(rates, random.uniform(0.05, 0.8)))
     yield Case("aimed", around, still, _aimed(still.position, around, random))
 
@@ -101,12 +99,12 @@ def faults(
     parts = (verdict.trajectory, verdict.stop.trajectory)
     found = [fault for part in parts for fault in _limit_faults(part, case.around, instants)]
     # The stop begins where the motion ends.
-    joined = end_state(parts[1], 0.0)[:2] - end_state(parts[0])[:2]
+    joined = state_at(parts[1], 0.0)[:2] - state_at(parts[0])[:2]
     if np.abs(joined).max() > 1e-8:
         found.append(f"the stop begins {joined} off")
     if np.abs(parts[1].sample([parts[1].duration], 1)).max() > 1e-8:
         found.append("the stop does not end at rest")
-    if np.abs(end_state(parts[0], 0.0)[:2] - case.state.rows[:2]).max() > 1e-5:
+    if np.abs(state_at(parts[0], 0.0)[:2] - case.state.rows[:2]).max() > 1e-5:
         found.append("the motion does not begin in the state")
     found += [
         "the motion overlaps"

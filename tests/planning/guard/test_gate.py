@@ -20,8 +20,8 @@ from planning.guard.proposals import (
     TrajectoryProposal,
     TwistProposal,
     VelocityProposal,
-    end_state,
 )
+from planning.stops.stop_family import state_at
 from planning.timing.jerk.state_to_state import JointState
 from planning.values.preferences import StopKinds
 from tests.planning.guard.cases import cases, faults
@@ -131,7 +131,7 @@ def test_a_moving_arm_is_slowed_down_along_the_path() -> None:
     verdict = guard.propose(state, faster)
     assert 0.0 < verdict.scale < 1.0
     assert verdict.trajectory is not None
-    assert np.allclose(end_state(verdict.trajectory, 0.0)[:2], [READY, towards])
+    assert np.allclose(state_at(verdict.trajectory, 0.0)[:2], [READY, towards])
     assert np.allclose(verdict.trajectory.end, rows[-1])
 
 
@@ -164,7 +164,7 @@ def test_a_twist_leads_the_tool() -> None:
     assert verdict.scale == 1.0
     assert verdict.trajectory is not None
 
-    end = end_state(verdict.trajectory, 0.29)
+    end = state_at(verdict.trajectory, 0.29)
     reached = link_twist(guard.around.robot.chain, end[0], end[1])
     assert np.abs(reached - twist).max() < 2e-3
 

@@ -7,13 +7,15 @@ import pytest
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.clearance import time_shortcut
 from planning.options import Options
 from planning.pipeline import path_search
-from planning.pipeline.diagnosis import diagnose
+from planning.pipeline.diagnosis import Diagnosis, diagnose
 from planning.pipeline.optimize_stage import first_touch
 from planning.pipeline.pipeline import plan
+from planning.planner import Ready
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
 from planning.search.shortcut import shortcut
@@ -155,6 +157,14 @@ def test_a_search_that_fails_names_what_is_in_the_way(planner: str) -> None:
     assert "wall" in answer.stages[-1].detail
 
 
+def _diagnosis(
+    robot: RobotGeometry, scene: Scene, start: Array, goal: Array, seconds: float, seed: int = 0
+) -> Diagnosis:
+    problem, checker = Problem(robot, scene, start, (JointGoal(goal),)), Checker.of(robot, scene)
+    ready = Ready(start, [goal], (checker,), ())
+    return diagnose(problem, checker, ready, Deadline.after(seconds), seed)
+
+
 def test_a_start_that_is_shut_in_has_no_freedom() -> None:
     sides = [
         box("east", (0.02, 0.3, 0.4), (0.08, 0.0, 0.0)),
@@ -162,25 +172,20 @@ def test_a_start_that_is_shut_in_has_no_freedom() -> None:
         box("north", (0.3, 0.02, 0.4), (0.0, 0.08, 0.0)),
         box("south", (0.3, 0.02, 0.4), (0.0, -0.08, 0.0)),
     ]
-    robot, scene = slider(), Scene(tuple(sides))
-    start, goals = np.zeros(2), [np.array([0.6, 0.6])]
-    checker = Checker.of(robot, scene)
-    found = diagnose(robot, scene, checker, start, goals, Deadline.after(2.0), seed=1)
+    start, goal = np.zeros(2), np.array([0.6, 0.6])
+    found = _diagnosis(slider(), Scene(tuple(sides)), start, goal, 2.0, seed=1)
     assert found.start_freedom == 0.0
     assert found.goal_freedom == 1.0
     assert {name for pair, _ in found.blocked_by for name in pair} == {
         "ball", "east", "west", "north", "south"}  # fmt: skip
     assert set(found.would_unblock) == set(found.tried)
-    none = diagnose(robot, Scene(), Checker.of(robot, Scene()), start, goals, Deadline.after(1.0))
+    none = _diagnosis(slider(), Scene(), start, goal, 1.0)
     assert none.blocked_by == ()
     assert none.sentence
 
 
 def test_it_looks_no_longer_than_it_may() -> None:
-    robot, scene = builtin("panda"), shelf()
-    checker = Checker.of(robot, scene)
-    deadline = Deadline.after(0.0)
-    found = diagnose(robot, scene, checker, HOME, [HOME + 0.1], deadline)
+    found = _diagnosis(builtin("panda"), shelf(), HOME, HOME + 0.1, 0.0)
     assert found.motions == 0
     assert found.tried == ()
 
