@@ -111,7 +111,7 @@ class Checker(checker.Checker):
         return self._checked(values, name, 2)
 
     def _checked(self, values: ArrayLike, name: str, dimensions: int) -> Array:
-        chain = self.model.chain
+        chain = self.model.robot.chain
         array = chain.configuration(values, name)
         if array.ndim != dimensions:
             wanted = f"({chain.n},)" if dimensions == 1 else f"(k, {chain.n})"

@@ -142,7 +142,7 @@ def _span(
         nearer, at, other = spacious.closest(motion.sample(looked), lacking)
         if at >= 0:
             lacking, pair, middle = nearer, other, looked[at]
-    is_own = pair is None or pair[1] not in spacious.model.obstacles
+    is_own = pair is None or pair[1] not in spacious.model.scene.ids
     distance = max(lacking + preferred[is_own], 0.0)
     begins, ends = times[max(first - 1, 0)], times[min(last + 1, len(times) - 1)]
     return CloseSpan(float(begins), float(ends), distance, pair or ("", ""))

@@ -119,7 +119,8 @@ class Problem:
             raise InvalidGoal(f"a problem's robot is {self.robot!r:.60}, not what load_robot makes")
         chain = self.robot.chain
         object.__setattr__(self, "start", frozen(chain.state(self.start, "start.joints")))
-        object.__setattr__(self, "scene", place(self.scene, chain, self.start))
+        if not isinstance(self.scene, Scene) or self.scene.frames or self.scene.free:
+            object.__setattr__(self, "scene", place(self.scene, chain, self.start))
         if self.field_cell is not None:
             body, scene = self.field_cell
             object.__setattr__(self, "field_cell", (body, place(scene, chain, self.start)))

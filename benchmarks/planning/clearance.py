@@ -47,7 +47,7 @@ def lacking(problem: Problem, motion: Trajectory, preferred: float) -> float:
         around = [
             d
             for pair, d in zip(near.pairs, near.distances, strict=True)
-            if not checker.model.is_self_pair(int(pair))
+            if checker.model.pair_name(int(pair))[1] in problem.scene.ids
         ]
         total += max(preferred - min(around, default=preferred), 0.0)
     return 1e3 * total * motion.duration / len(times)

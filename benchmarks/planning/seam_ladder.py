@@ -143,7 +143,7 @@ def _pose(point: Array, out: Array, along: Array) -> Array:
 
 def ladder(checker: Checker, seam: SeamOptions, start: Array, *, spins: bool) -> bool:
     """Whether twelve spins and all branches join the points of a seam without a jump."""
-    chain = checker.model.chain
+    chain = checker.model.robot.chain
     angles = np.arange(SPINS) * 2.0 * np.pi / SPINS if spins else np.zeros(1)
     turns = np.array([transform(from_axis_angle([0.0, 0.0, 1.0], a)) for a in angles])
     form, parameters = structure(chain), None

@@ -74,6 +74,10 @@ class RobotGeometry:
     suspected: Mapping[Pair, str] = field(default_factory=dict)
     fingers: Fingers = field(default_factory=Fingers)
     unseen: tuple[str, ...] = ()
+    #: Links and attached objects that have pieces, each once, in their order.
+    names: tuple[str, ...] = field(init=False, repr=False)
+    #: Whether links of the robot itself have solids, not only what it holds.
+    has_solids: bool = field(init=False, repr=False)
     arrays: PieceArrays = field(init=False, repr=False)
     self_pairs: NDArray[np.int64] = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
@@ -86,6 +90,9 @@ class RobotGeometry:
         object.__setattr__(self, "allowed", MappingProxyType(dict(sorted(self.allowed.items()))))
         states = {name: frozen(q) for name, q in self.states.items()}
         object.__setattr__(self, "states", MappingProxyType(states))
+        object.__setattr__(self, "names", tuple(dict.fromkeys(self.links)))
+        solid = not self.chain.index.keys().isdisjoint(self.links)
+        object.__setattr__(self, "has_solids", solid)
         object.__setattr__(self, "arrays", PieceArrays.pack(self.pieces))
         object.__setattr__(self, "self_pairs", _self_pairs(self))
         object.__setattr__(self, "content_hash", _content_hash(self))
@@ -104,11 +111,6 @@ class RobotGeometry:
         values = (self.chain, self.pieces, self.links, self.joints, self.solids)
         more = (dict(self.allowed), self.lint, dict(self.states), dict(self.suspected))
         return RobotGeometry, (*values, *more, self.fingers, self.unseen)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Links and attached objects that have pieces, each once, in their order."""
-        return tuple(dict.fromkeys(self.links))
 
     def attach(
         self, attached: Obstacle, link: str, touch_links: Iterable[str] = ()

@@ -259,9 +259,12 @@ class Scene:
     content_hash: str = field(init=False, repr=False)
     #: Hash of the content of the obstacles alone.
     obstacles_hash: str = field(init=False, repr=False)
+    #: Whether any of an obstacle is made of triangles.
+    has_meshes: bool = field(init=False, repr=False)
     #: Names of the obstacles, in their order.
     ids: tuple[str, ...] = field(init=False, repr=False)
-    _frames: frozenset[str] = field(init=False, repr=False)
+    #: Frames of obstacles that are not in the root frame yet.
+    frames: frozenset[str] = field(init=False, repr=False)
     _packed: Packed | None = field(default=None, init=False, repr=False)
     _primitives: Primitives | None = field(default=None, init=False, repr=False)
 
@@ -296,7 +299,7 @@ class Scene:
             )
         object.__setattr__(self, "obstacles", obstacles)
         named = frozenset(o.frame for o in obstacles if o.frame is not None)
-        object.__setattr__(self, "_frames", named)
+        object.__setattr__(self, "frames", named)
         object.__setattr__(self, "ids", ids)
         contacts = MappingProxyType({(min(p), max(p)): c for p, c in self.contacts.items()})
         for pair, contact in contacts.items():
@@ -308,6 +311,8 @@ class Scene:
         object.__setattr__(self, "contacts", contacts)
         pairs = _pairs(self.allowed_collisions).union(contacts)
         object.__setattr__(self, "allowed_collisions", pairs)
+        meshes = [obstacle.is_mesh for obstacle in obstacles]
+        object.__setattr__(self, "has_meshes", any(meshes))
         digest = hashlib.sha256()
         for obstacle in obstacles:
             digest.update(obstacle.content())
@@ -324,20 +329,15 @@ class Scene:
         values = (self.obstacles, self.allowed_collisions, self.fixed_frames, self.free)
         return Scene, (*values, self.notes, dict(self.contacts))
 
-    @property
-    def frames(self) -> frozenset[str]:
-        """Frames of obstacles that are not in the root frame yet."""
-        return self._frames
-
     def check_placed(self) -> None:
         """Refuse obstacles that are not in the root frame.
 
         Raises:
             InvalidScene: There are some; ``obstacles.scenes.placement.place`` puts them there.
         """
-        if self._frames:
+        if self.frames:
             raise InvalidScene(
-                f"obstacles are in the frame(s) {', '.join(sorted(self._frames))}, not in the root "
+                f"obstacles are in the frame(s) {', '.join(sorted(self.frames))}, not in the root "
                 "frame",
                 hint="Put the scene there first: place(scene, chain, joints).",
             )

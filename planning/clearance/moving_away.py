@@ -63,7 +63,7 @@ def retreat(clear: Checker, least: Checker, q: Array) -> Array | None:
     """
     if clear.valid(q):
         return q
-    reach, away = clear.model.chain.limits, np.array(q, np.float64)
+    reach, away = clear.model.robot.chain.limits, np.array(q, np.float64)
     limits = np.array([reach.lower, reach.upper])
     kept = _retreat_directly()(clear.model.arrays, look_of(clear), limits, away)
     return away if kept and least.free(q, away) else None
@@ -183,7 +183,7 @@ def keep_clear(
     if reached < 1 or deadline.passed:
         return waypoints
     half, least = levels[min(1, last)], levels[-1]
-    reach = least.model.chain.limits
+    reach = least.model.robot.chain.limits
     # Of two levels, the second one is the last.
     number = 2 if reached == last else 1
     held = _Levels(

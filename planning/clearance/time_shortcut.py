@@ -127,7 +127,7 @@ def quicken(
         return waypoints
     # Time that a motion in contact costs, as a multiple of that of one with the preferred
     # clearance.
-    weight, reach = 6.0 / preferred.model.margin, preferred.model.chain.limits
+    weight, reach = 6.0 / preferred.model.margin, preferred.model.robot.chain.limits
     limits = np.concatenate([limits, [reach.lower, reach.upper]])
     points = np.ascontiguousarray(waypoints, np.float64)
     slack = float(least.slack)

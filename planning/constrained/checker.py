@@ -43,13 +43,13 @@ class ConstrainedChecker(Checker):
         """Prove the joint motion b0 + b1 s + b2 s^2 + b3 s^3 over 0 <= s <= 1, each (n,)."""
         powers = [b0, b1, b2] if b3 is None else [b0, b1, b2, b3]
         coefficients = np.column_stack(powers)
-        if not edge_holds(self.model.chain, self.rows, coefficients):
+        if not edge_holds(self.model.robot.chain, self.rows, coefficients):
             # Samples of a motion that violates a row, to find where it does most.
             s = np.linspace(0.0, 1.0, 9)
             samples = coefficients @ s ** np.arange(len(powers))[:, None]
             residuals = self.constraints.residuals(samples.T)
             worst, row = np.unravel_index(int(np.argmax(residuals)), residuals.shape)
-            pair = (self.model.chain.tip_link, self.constraints.label(int(row)))
+            pair = (self.model.robot.chain.tip_link, self.constraints.label(int(row)))
             return Motion(False, False, float(s[worst]), pair, -np.inf, 1)
         return Checker.curve(self, b0, b1, b2, b3)
 
@@ -66,8 +66,8 @@ class ConstrainedChecker(Checker):
 
     def free(self, start: Array, end: Array) -> bool:
         """Whether the straight joint motion is proved free and holds all rows."""
-        line = np.column_stack([start, end - start])
-        return edge_holds(self.model.chain, self.rows, line) and Checker.free(self, start, end)
+        chain, line = self.model.robot.chain, np.column_stack([start, end - start])
+        return edge_holds(chain, self.rows, line) and Checker.free(self, start, end)
 
     def polyline(self, waypoints: Array) -> tuple[Motion, int]:
         """Prove every leg of a polyline (k, n).

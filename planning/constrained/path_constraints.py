@@ -150,7 +150,7 @@ def _constrained_goals(
     goals: list[Array] = []
     checker = ready.checkers[-1]
     hard = problem.constraints.hard.constraints
-    geometric = tuple(c for c in hard if c.rows(checker.model.chain))
+    geometric = tuple(c for c in hard if c.rows(checker.model.robot.chain))
     for goal in problem.goals:
         if not isinstance(goal, PoseGoal):
             continue

@@ -60,7 +60,7 @@ class Manifold:
     rows: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        chain, constraints = self.checker.model.chain, self.checker.constraints
+        chain, constraints = self.checker.model.robot.chain, self.checker.constraints
         # Projected configurations keep a share of half a row's width: edges between them bulge.
         # They keep 1 cm [or rad] at most: where a row is wide, the way may lead along its bounds.
         zero, inner = np.zeros(chain.n), narrow_rows(constraints, 0.25, 1e-2)
@@ -208,7 +208,7 @@ def _grow_pair(
     more_goals: MoreGoals | None,
 ) -> tuple[Array | None, int]:
     here, there = trees
-    low, high = search_box(manifold.checker.model.chain, [here.node(0), *goals])
+    low, high = search_box(manifold.checker.model.robot.chain, [here.node(0), *goals])
     forwards, extensions = True, 0
     target: Array | None = goals[0]
     while extensions < budget and not deadline.passed:
@@ -353,7 +353,7 @@ class GoalRegion:
 
     def _goal(self, pose: PoseGoal) -> Goal:
         """The pose beside the constraints of the path, as a target of Newton's method."""
-        chain, path = self.checker.model.chain, self.checker.constraints
+        chain, path = self.checker.model.robot.chain, self.checker.constraints
         zero = np.zeros(chain.n)
         of_pose = ConstraintSet(chain, (pose_constraint(pose),)).packed
         return make_goal(path, zero, zero, rows=np.vstack([self.checker.rows, of_pose]))

@@ -99,7 +99,7 @@ def find_relaxation(
 def _without_obstacles(checker: ConstrainedChecker) -> ConstrainedChecker | None:
     """The checker of the same robot where nothing stands; None where nothing does anyway."""
     model = checker.model
-    if not model.obstacles:
+    if not model.scene.ids:
         return None
     return replace(checker, model=collision_model(model.robot, Scene(())))
 

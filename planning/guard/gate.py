@@ -18,7 +18,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from planning.guard.faults import Look, first_fault, hit_at, look_at, shifted, sound_stops
 from planning.guard.proposals import AT_REST, Proposal
-from planning.proof.certificate import Certificate, has_solids
+from planning.proof.certificate import Certificate
 from planning.proof.limits.limits import QUANTITIES
 from planning.proof.violation import Violation
 from planning.stops.certificate import StopCertificate, Surroundings
@@ -139,7 +139,7 @@ class Guard:
             raise InvalidOption(
                 f"there is no stop of kind {stop!r}", hint='Name "path", "joints" or "both".'
             )
-        if stop != "path" and not has_solids(robot):
+        if stop != "path" and not robot.has_solids:
             raise InvalidOption(
                 f"stops {stop!r} leave the path, and robot {robot.chain.name!r} has no solids",
                 hint='Give the robot solids, or take stops "path".',

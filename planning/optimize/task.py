@@ -84,7 +84,7 @@ class Task:
     @property
     def chain(self) -> Chain:
         """The robot."""
-        return self.checker.model.chain
+        return self.checker.model.robot.chain
 
     @property
     def still(self) -> bool:

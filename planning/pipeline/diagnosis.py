@@ -110,7 +110,7 @@ def diagnose(
     # Share of the time for checking motions.
     checking = deadline.within(0.4 * deadline.remaining)
     at_start, at_goals, between = _Tally(), _Tally(), _Tally()
-    chain = checker.model.chain
+    chain = checker.model.robot.chain
     # Motions that are checked of each kind.
     for k in range(60):
         if checking.passed:

@@ -65,7 +65,7 @@ def nearest_free(checker: Checker, q: Array, seed: int = 0) -> NearestFree | Non
         q: Configuration, shape (n,) [rad or m].
         seed: Of the draws; the same seed gives the same answer.
     """
-    chain = checker.model.chain
+    chain = checker.model.robot.chain
     spacious = Checker(checker.model, checker.slack + _CLEARANCE)
     inside = np.clip(q, chain.limits.lower, chain.limits.upper)
     free = _descend(spacious, inside)
@@ -82,7 +82,7 @@ def nearest_free(checker: Checker, q: Array, seed: int = 0) -> NearestFree | Non
 
 def _descend(spacious: Checker, q: Array) -> Array | None:
     """Step away from contacts until there are none; None where that does not succeed."""
-    limits = spacious.model.chain.limits
+    limits = spacious.model.robot.chain.limits
     # Steps of the descent away from contacts.
     for _ in range(40):
         if spacious.valid(q):
@@ -114,7 +114,7 @@ def _least_step(gradients: Array, change: Array) -> Array:
 
 def _draw(spacious: Checker, q: Array, random: np.random.Generator) -> Array | None:
     """The nearest of the random configurations that are free, if one is."""
-    chain = spacious.model.chain
+    chain = spacious.model.robot.chain
     low, high = chain.sampling_bounds()
     best: Array | None = None
     # Random configurations about the one that is not free, if the descent fails.

@@ -140,10 +140,11 @@ def _ready_with_room(problem: Problem, exact: Checker, hulls: Checker | None) ->
         np.array([start, *ends])
     ):
         return None
-    meter = overlap_meter(problem.robot, problem.scene)
-    for q in (start, *ends):
-        if meter.too_deep(q):
-            return None
+    if problem.scene.contacts:  # which alone may have a depth
+        meter = overlap_meter(problem.robot, problem.scene)
+        for q in (start, *ends):
+            if meter.too_deep(q):
+                return None
     checkers: tuple[Checker, ...] = (Checker(exact.model, SLACK),)
     if hulls is not None:
         checkers = (Checker(hulls.model, SLACK), *checkers)

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from kinematics.arrays import typed
-from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain, Limits
 from kinematics.trajectory.trajectory import Trajectory
@@ -191,7 +190,7 @@ def certify(
     looked_at = not wrong or _travel(trajectory) <= _MOST_TRAVEL
     if looked_at:
         proof.run()
-    solid = has_solids(robot)
+    solid = robot.has_solids
     if not solid and scene.obstacles:
         message = f"{_no_solids(robot)} with {len(scene.obstacles)} obstacle(s)"
         wrong.append(Violation("unproved", 0.0, message, {}))
@@ -296,13 +295,6 @@ def _travel(trajectory: Trajectory) -> float:
     """How far a joint goes at most, pieces one by one [rad or m]."""
     lower, upper = trajectory.piece_extrema()
     return float((upper - lower).sum(axis=0).max())
-
-
-@bounded_cache(maxsize=8)
-def has_solids(robot: RobotGeometry) -> bool:
-    """Whether links of the robot itself have solids, not only what it holds."""
-    links = {link.name for link in robot.chain.links}
-    return any(name in links for name in robot.links)
 
 
 def _no_solids(robot: RobotGeometry) -> str:

@@ -112,7 +112,7 @@ class TreePairs:
         """Grow one pair; the path on which it meets, shape (k, n), if it does."""
         checker, roots = self.checker, self.roots
         budget = min(options.budget, self.max_edges - self.edges)
-        trees = new_trees(len(roots), checker.model.chain.n, budget, self._random())
+        trees = new_trees(len(roots), checker.model.robot.chain.n, budget, self._random())
         outcome: int = Growth.GOING
         grow, draws, until = _grow_directly(), self._draws(options), 0
         while outcome == Growth.GOING and not self.deadline.passed:
@@ -134,8 +134,8 @@ class TreePairs:
         return np.array(_random_state(self.seed, self.runs), np.uint64)
 
     def _draws(self, options: PairOptions) -> Draws:
-        roots, guide = self.roots, options.guide
-        low, high = search_box(self.checker.model.chain, roots, nearby=not options.whole)
+        roots, guide, chain = self.roots, options.guide, self.checker.model.robot.chain
+        low, high = search_box(chain, roots, nearby=not options.whole)
         if guide is None:
             length = math.dist(roots[0].tolist(), roots[1].tolist())
             # Share of the draws that lie beside a guide. Most paths are there, and shorter; the

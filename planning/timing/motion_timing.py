@@ -73,7 +73,7 @@ def motions(
         InvalidOption: Times were given that do not fit the waypoints, or an interpolation that
             would not follow the path that was found.
     """
-    names = checker.model.chain.joint_names
+    names = checker.model.robot.chain.joint_names
     points = merge(waypoints)
     if len(points) < 2:
         yield lambda: ScaledTime(stay(names, points[0]), 1.0)
@@ -141,14 +141,14 @@ class _RoundedMotion:
     def time_on_path(self) -> ScaledTime:
         """The motion with rounded corners."""
         if self._on_path is None:
-            names = self.checker.model.chain.joint_names
+            names = self.checker.model.robot.chain.joint_names
             polyline = self.points, self._reaches(), names
             self._on_path = self.parametrization.time_polyline(*polyline)
         return self._on_path
 
     def smooth(self) -> ScaledTime:
         """The spline near the motion where it is as far from everything, else the motion itself."""
-        names = self.checker.model.chain.joint_names
+        names = self.checker.model.robot.chain.joint_names
         wide = self._spline_at_widest(names)
         if wide is not None and wide.is_clear:
             self.left_path = True
@@ -271,7 +271,7 @@ class _RoundedMotion:
         """Whether a motion that leaves the path holds constraints and the joints' limits."""
         if self.holds is not None and not self.holds(_states(motion, _INSTANTS)):
             return False
-        limits = self.checker.model.chain.limits
+        limits = self.checker.model.robot.chain.limits
         low, high = limits.lower, limits.upper
         # Splines swing over by milliradians. So near to a limit of a joint [rad or m] they are held
         # to it before they are proved, at so many instants of a piece.

@@ -95,7 +95,7 @@ def joint_barrier(
 def _barrier_to(
     checker: Checker, start: Array, goal: Array, seed: int, deadline: Deadline
 ) -> JointBarrier | None:
-    random, chain = np.random.default_rng(seed), checker.model.chain
+    random, chain = np.random.default_rng(seed), checker.model.robot.chain
     endless = chain.continuous & (chain.joint_types == JointType.REVOLUTE)
     # Joints that move less are none that a value could stop [rad or m].
     for j in np.flatnonzero((np.abs(goal - start) > 0.05) & ~endless):
@@ -136,7 +136,7 @@ def _described(
     checker: Checker, states: Array, start: Array, goal: Array, at: tuple[int, float]
 ) -> JointBarrier:
     """The barrier of a joint at a value, with the pair that is surest to collide there."""
-    chain, (j, value) = checker.model.chain, at
+    chain, (j, value) = checker.model.robot.chain, at
     overlap = checker.least_overlap(states)
     pair, certain = ("", "") if overlap is None else overlap[1], False
     near = checker.gradient(states[0], 0.0)

@@ -20,7 +20,6 @@ from obstacles.robots.allowed_pairs import AllowedPair, allowed_pairs
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
-from planning.proof.certificate import has_solids
 from planning.proof.constraints.constraint_limits import constrained_margin
 from planning.proof.limits.limits import check_limits
 from planning.proof.premises import Premises
@@ -87,7 +86,7 @@ def witness(
         "constraints": len(constraints.constraints) if constraints else 0,
         "torque": 0 if effort is None or effort.effort is None else len(effort.effort),
         "tool_speed": int(effort is not None and effort.tool_speed is not None),
-        "solids": len(robot.unseen) if has_solids(robot) else 1,
+        "solids": len(robot.unseen) if robot.has_solids else 1,
         "touch_depth": sum(item.limited for item in allowed_pairs(robot, scene)),
         **(untold or {}),
     }

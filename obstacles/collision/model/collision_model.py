@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from kinematics.arrays import Indices
 from kinematics.caches.bounded_cache import DEFAULT_LIMIT, array_bytes, bounded_cache
 from kinematics.model.chain import Chain
 from obstacles.collision.model.brackets import Brackets, brackets, sphere_sets
-from obstacles.collision.model.model_arrays import ModelArrays, with_margins
+from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.model.pair_grid import PairGrid, pair_grid
 from obstacles.collision.model.pair_groups import chosen_groups, pair_groups, whole_groups
 from obstacles.distance.bvh import Tree, tree
@@ -35,9 +36,11 @@ __all__ = ["CollisionModel", "ModelArrays", "all_pieces", "pack", "skipped_pairs
 
 _T = TypeVar("_T", bound=np.generic)
 _HALFSPACE = int(CoreKind.HALFSPACE)
+#: The first of the margins, which come last.
+_MARGIN = ModelArrays._fields.index("margin")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class CollisionModel:
     """Model of a robot in a scene for collision verdicts, packed when first asked.
 
@@ -50,49 +53,26 @@ class CollisionModel:
         scene: Scene around the robot.
         margin: Margin from obstacles, beyond their own [m].
         own_margin: Margin of self-collision pairs [m], which may be built close together.
-        _like: Model that is packed with other margins, if there is one.
+        _like: Model that differs in margins alone, if there is one.
     """
 
     robot: RobotGeometry
     scene: Scene
     margin: float = 0.0
     own_margin: float = 0.0
-    _like: ModelArrays | None = field(default=None, repr=False)
-    _arrays: ModelArrays | None = field(default=None, init=False, repr=False)
+    _like: "CollisionModel | None" = field(default=None, repr=False)
 
-    @property
-    def chain(self) -> Chain:
-        """The robot's."""
-        return self.robot.chain
-
-    @property
-    def links(self) -> tuple[str, ...]:
-        """The link each piece of the robot belongs to, p of them."""
-        return self.robot.links
-
-    @property
-    def obstacles(self) -> tuple[str, ...]:
-        """Names of the obstacles."""
-        return self.scene.ids
-
-    @property
+    @cached_property
     def arrays(self) -> ModelArrays:
         """Arrays of the model for kernels."""
-        arrays = self._arrays
-        if arrays is None:
-            packed = self._like or _packed(self.robot, self.scene)
-            arrays = with_margins(packed, self.margin, self.own_margin)
-            object.__setattr__(self, "_arrays", arrays)
-        return arrays
+        like = self._like
+        packed = _packed(self.robot, self.scene) if like is None else like.arrays
+        # ``_replace`` would take three times as long.
+        return ModelArrays._make((*packed[:_MARGIN], float(self.margin), float(self.own_margin)))
 
     def with_margins(self, margin: float, own_margin: float) -> "CollisionModel":
         """Model of this robot and scene with other margins from obstacles and between links [m]."""
-        packed = self._arrays or self._like  # the margins are two numbers of it
-        return CollisionModel(self.robot, self.scene, margin, own_margin, packed)
-
-    def is_self_pair(self, pair: int) -> bool:
-        """Whether a pair is a self-collision pair."""
-        return pair >= len(self.links) * len(self.arrays.scene)
+        return CollisionModel(self.robot, self.scene, margin, own_margin, self)
 
     @classmethod
     def bare(cls, chain: Chain) -> "CollisionModel":
@@ -105,12 +85,12 @@ class CollisionModel:
 
         Pair i m + k is piece i of the robot and piece k of the scene, p m + s the robot's pair s.
         """
-        p, m = len(self.links), len(self.arrays.scene)
+        arrays, links = self.arrays, self.robot.links
+        p, m = len(links), len(arrays.scene)
         if pair >= p * m:
-            i, j = self.arrays.self_pairs[pair - p * m]
-            return self.links[j], self.links[i]
-        owner = int(self.arrays.scene[pair % m, OWNER])
-        return self.links[pair // m], self.obstacles[owner]
+            i, j = arrays.self_pairs[pair - p * m]
+            return links[j], links[i]
+        return links[pair // m], self.scene.ids[int(arrays.scene[pair % m, OWNER])]
 
 
 def _packed(robot: RobotGeometry, scene: Scene) -> ModelArrays:

@@ -70,15 +70,6 @@ class ModelArrays(NamedTuple):
     own_margin: float
 
 
-#: The first of the margins, which come last.
-_MARGIN = ModelArrays._fields.index("margin")
-
-
-def with_margins(arrays: ModelArrays, margin: float, own_margin: float) -> ModelArrays:
-    """``at_margins`` for Python: ``_replace`` would take three times as long."""
-    return ModelArrays._make((*arrays[:_MARGIN], float(margin), float(own_margin)))
-
-
 @kernel(allocates=False, inline="always")
 def at_margins(model: ModelArrays, margin: float, own_margin: float) -> ModelArrays:
     """The model with other margins from obstacles and of self-collision pairs [m]."""

@@ -54,7 +54,7 @@ def first_inside(robot: RobotGeometry, scene: Scene, q: Array) -> tuple[str, str
         q: Shape (n,).
     """
     own = _of_robot(robot)
-    if not own.solids and not any(obstacle.is_mesh for obstacle in scene.obstacles):
+    if not own.solids and not scene.has_meshes:
         return None
     around = _of_scene(scene)
     frames = np.concatenate([np.eye(4)[None], joint_frames(robot.chain, q)])
@@ -88,8 +88,8 @@ def open_meshes(robot: RobotGeometry, scene: Scene) -> tuple[str, ...]:
         scene: Scene around the robot.
     """
     own = [robot.links[piece] for piece in _of_robot(robot).opened]
-    meshes = any(obstacle.is_mesh for obstacle in scene.obstacles)
-    around = [scene.ids[number] for number in _of_scene(scene).opened] if meshes else []
+    opened = _of_scene(scene).opened if scene.has_meshes else ()
+    around = [scene.ids[number] for number in opened]
     return tuple(dict.fromkeys([*own, *around]))
 
 

@@ -143,10 +143,7 @@ def _with_surfaces(pieces: Iterable[Piece], first: int, opened: Rows) -> list[Pi
 
 def _scene_rows(scene: Scene, opened: Rows) -> PieceSet:
     """A scene's pieces in the order of its obstacles, clouds as balls."""
-    only_primitives = len(scene.primitives.kinds) == len(scene.obstacles)
-    if only_primitives or not any(obstacle.is_mesh for obstacle in scene.obstacles):
-        return scene_set(scene)
-    return _rows_with_meshes(scene, opened)
+    return _rows_with_meshes(scene, opened) if scene.has_meshes else scene_set(scene)
 
 
 @bounded_cache(maxsize=16, weigh=array_bytes)

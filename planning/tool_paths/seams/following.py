@@ -94,7 +94,7 @@ def segments(
         s = np.append(places.s[chosen[:-1]], 1.0)
         knots = s, joints[chosen]
         run = places.runs[number]
-        segment = follow_through(checker.model.chain, run, knots, deviations, deadline)
+        segment = follow_through(checker.model.robot.chain, run, knots, deviations, deadline)
         if segment.stop is not None or deadline.passed:
             return None
         finished.append(segment)

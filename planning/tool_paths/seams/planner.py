@@ -172,7 +172,7 @@ def _beside(
     """The straight motion to the start of a seam, or from its end, at q (n,), in its branch."""
     if offset is None:
         return (), ()
-    chain, T = query.checker.model.chain, forward(query.checker.model.chain, q)
+    chain, T = query.checker.model.robot.chain, forward(query.checker.model.robot.chain, q)
     way = offset.distance * offset.direction / np.linalg.norm(offset.direction)
     way = T[:3, :3] @ way if offset.frame == "tool" else way
     way = -way if name == "approach" else way

@@ -227,7 +227,7 @@ class SeamSearch:
     @property
     def chain(self) -> Chain:
         """The robot; its tip is the tool."""
-        return self.checker.model.chain
+        return self.checker.model.robot.chain
 
     def run(self, every: bool = False, density: Density = COARSE) -> SeamJoints:
         """Search for the cheapest way that is continuous and free at all places.

@@ -27,7 +27,7 @@ from planning.options import Options
 from planning.pipeline import pipeline
 from planning.pipeline.moving_start import Splice
 from planning.problem import Problem
-from planning.proof.certificate import certify, has_solids
+from planning.proof.certificate import certify
 from planning.result import Failure, Plan
 from planning.stops.certificate import Surroundings, certify_stops
 from planning.values.limits import MotionLimits
@@ -220,11 +220,7 @@ def _posed(
     if framed:
         body = plan_in_root_frame(body, geometry.chain)
     collisions = body.collisions
-    if (
-        body.planner == "potential_field"
-        and around.scene.obstacles
-        and not has_solids(around.robot)
-    ):
+    if body.planner == "potential_field" and around.scene.obstacles and not around.robot.has_solids:
         # The field acts on points, which need no solids; a fallback has nothing to keep clear.
         collisions = "ignore"
         given: dict[str, Any] = {"fallback": None, **(body.planner_options or {})}
@@ -331,7 +327,7 @@ def check_solids(robot: RobotGeometry, scene: Scene, hint: str) -> None:
     Raises:
         InvalidRobotDescription: It has none; with a hint.
     """
-    if scene.obstacles and not has_solids(robot):
+    if scene.obstacles and not robot.has_solids:
         raise InvalidRobotDescription(
             f"robot {robot.chain.name!r} has no collision geometry, so nothing could be proved of "
             f"the {len(scene.obstacles)} obstacle(s)",

@@ -225,7 +225,7 @@ def test_legs_look_free_together_where_each_does_and_the_waypoints_between() -> 
 def test_a_waypoint_between_legs_is_looked_at() -> None:
     checker = Checker.of(builtin("panda"), shelf(), 0.02)
     arrays, random = checker.model.arrays, np.random.default_rng(1)
-    low, high = checker.model.chain.sampling_bounds()
+    low, high = checker.model.robot.chain.sampling_bounds()
     blocked = next(q for q in random.uniform(low, high, (200, 7)) if not checker.valid(q))
     # Legs of no length at a state that is not free: none of their own states is another one.
     assert not all_look_free(

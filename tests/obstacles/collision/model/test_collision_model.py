@@ -131,8 +131,8 @@ def test_a_margin_is_not_kept_between_links() -> None:
 
 def test_a_bare_chain_hits_nothing() -> None:
     model = CollisionModel.bare(builtin("ur5e").chain)
-    assert model.links == model.obstacles == ()
-    assert model.chain is builtin("ur5e").chain
+    assert model.robot.links == model.scene.ids == ()
+    assert model.robot.chain is builtin("ur5e").chain
     assert Checker(model).clearance(np.zeros(6)) == (np.inf, None)
     assert Checker(model).valid(np.zeros(6))
     assert Checker(model).segment(np.zeros(6), np.ones(6)).free

@@ -52,7 +52,7 @@ def flat() -> Checker:
         group[FIRST_PAIR], group[LAST_PAIR] = first, last
     roots = found.roots.copy()
     roots[roots[:, 0] < 0, 0] = -1 - np.arange(len(tops))
-    object.__setattr__(model, "_arrays", found._replace(groups=groups, roots=roots))
+    object.__setattr__(model, "arrays", found._replace(groups=groups, roots=roots))
     return Checker(model)
 
 

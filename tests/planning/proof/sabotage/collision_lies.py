@@ -147,7 +147,7 @@ def _small_balls(true: _Pack, robot: RobotGeometry, scene: Scene, margin: float 
     rows, around, spheres = (np.array(a) for a in (arrays.robot, arrays.scene, arrays.spheres))
     rows[:, RADIUS], around[:, RADIUS], spheres[:, OUTER] = 0.0, 0.0, 0.0
     doctored = arrays._replace(robot=rows, scene=around, spheres=spheres)
-    object.__setattr__(model, "_arrays", doctored)
+    object.__setattr__(model, "arrays", doctored)
     return model
 
 
