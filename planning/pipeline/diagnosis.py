@@ -185,7 +185,7 @@ def _has_path(checker: Checker, ready: Ready, deadline: Deadline, seed: int) -> 
         return True
     try:
         attempt = sample(
-            "rrt_connect", checker.model.chain, checker, start, goals, _SEARCH_OPTIONS, seed,
+            "rrt_connect", checker.model.robot.chain, checker, start, goals, _SEARCH_OPTIONS, seed,
             deadline,
         )  # fmt: skip
     except ArmwrightError:
