@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
@@ -38,12 +38,15 @@ class Kind:
         status: HTTP status.
         title: What it says in general.
         hint: What to do about it in general.
+        operations: Names of the operations that may answer it, or kinds of them: "*" for all, those
+            "of a name" in their path, "with a body" and those that may be answered "as a job".
         example: One occurrence: its instance, stage, detail and details.
     """
 
     status: int
     title: str
     hint: str
+    operations: Sequence[str] = ()
     example: Mapping[str, Any] | None = None
 
 

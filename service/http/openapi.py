@@ -5,6 +5,9 @@ answers.
 """
 
 import json
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from http import HTTPStatus
 from importlib.resources import files
 from typing import Any, NamedTuple
 
@@ -15,8 +18,80 @@ from armwright_wire.goals.tool_motion import CartesianOptions
 from armwright_wire.plans.job import Problem
 from armwright_wire.robots.robot import RobotBody
 from planning.sampling.planners import PLANNERS, describe_options
-from service.http import openapi_problems
-from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE
+from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE, document
+from service.problem import ProblemError
+
+
+def _references(codes: Iterable[str]) -> dict[str, Any]:
+    """The examples of one answer, by code."""
+    return {code: {"$ref": f"#/components/examples/{code}"} for code in codes}
+
+
+def _problem(code: str) -> dict[str, Any]:
+    kind = KINDS[code]
+    assert kind.example is not None
+    told = dict(kind.example)
+    instance = told.pop("instance")
+    problem = ProblemError(code, hint=kind.hint, **told.pop("details"), **told)
+    return document(problem, instance)
+
+
+Operation = dict[str, Any]
+
+#: Shown where an answer may be any other fault of the request or of the service.
+_ANY_OTHER = {"4XX": "METHOD_NOT_ALLOWED", "5XX": "CRASH"}
+
+
+def add_problems(document: dict[str, Any]) -> None:
+    """List the problems of every operation, by status, each with an example.
+
+    Args:
+        document: The OpenAPI document with its jobs and schemas; responses are added.
+    """
+    shown = set(_ANY_OTHER.values())
+    for path, operations in document["paths"].items():
+        for operation in operations.values():
+            by_status = defaultdict(list)
+            for code in sorted(set(_codes(path, operation))):
+                by_status[KINDS[code].status].append(code)
+            responses = operation["responses"]
+            for status, codes in sorted(by_status.items()):
+                response = responses.setdefault(str(status), _response(status, codes))
+                response["content"][PROBLEM_MEDIA_TYPE]["examples"] = _references(codes)
+                shown |= set(codes)
+            for pattern, code in _ANY_OTHER.items():  # the last word, as no status of its own
+                if pattern in responses:
+                    responses[pattern] = responses.pop(pattern)
+                    content = responses[pattern]["content"]
+                    responses[pattern]["content"] = {
+                        kind: {**media, "examples": _references([code])}
+                        for kind, media in content.items()
+                    }
+    document["components"]["examples"] = {
+        code: {"summary": KINDS[code].title, "value": _problem(code)} for code in sorted(shown)
+    }
+
+
+def _codes(path: str, operation: Operation) -> Iterator[str]:
+    """Codes of the problems that an operation may answer."""
+    kinds = {"*", operation["operationId"]}
+    if "{" in path:
+        kinds.add("of a name")
+    if "requestBody" in operation:
+        kinds.add("with a body")
+    if "202" in operation["responses"]:
+        kinds.add("as a job")
+    return (code for code, kind in KINDS.items() if not kinds.isdisjoint(kind.operations))
+
+
+def _response(status: int, codes: list[str]) -> dict[str, Any]:
+    """The answer of one status: its problems, and their schema."""
+    lines = [f"* `{code}`: {KINDS[code].title}" for code in codes]
+    return {
+        "description": "\n".join([f"{HTTPStatus(status).phrase}", *lines]),
+        "content": {PROBLEM_MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+    }
+
 
 #: Kinds of content that an example's answer may have, the likely one first.
 _JSON = "application/json"
@@ -266,14 +341,11 @@ def install(app: FastAPI) -> None:
             problem["properties"]["code"]["examples"] = sorted(KINDS)
             schemas = schema.setdefault("components", {}).setdefault("schemas", {})
             schemas["Problem"] = problem
-            # Bodies that routes read by themselves, because they come in more than one form.
-            robot = RobotBody.model_json_schema(ref_template="#/components/schemas/{model}")
-            schemas |= {**robot.pop("$defs"), "RobotBody": robot} | schemas
-            # Of planner_options, which is free in the request's own schema.
-            options = CartesianOptions.model_json_schema(
-                ref_template="#/components/schemas/{model}"
-            )
-            schemas |= {**options.pop("$defs"), "CartesianOptions": options} | schemas
+            # Bodies that routes read by themselves, because they come in more than one form, and
+            # planner_options, which is free in the request's own schema.
+            for model in (RobotBody, CartesianOptions):
+                more = model.model_json_schema(ref_template="#/components/schemas/{model}")
+                schemas |= {**more.pop("$defs"), model.__name__: more} | schemas
             describe_planner_options(schemas)
             describe_fields(schemas)
             longest = app.state.settings.max_timeout
@@ -283,7 +355,7 @@ def install(app: FastAPI) -> None:
             for path in schema["paths"].values():
                 for method in _COMPUTING & path.keys():
                     _tell_of_jobs(path[method], method)
-            openapi_problems.add_problems(schema)
+            add_problems(schema)
             add_examples(schema["paths"])
             schema["components"]["securitySchemes"] = _SECURITY_SCHEMES
             close_maps(schema)
