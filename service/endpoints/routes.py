@@ -23,9 +23,9 @@ from armwright_wire.robots.reach import ReachAnswer, ReachRequest
 from armwright_wire.scenes.check import CheckAnswer, CheckRequest
 from service import task_references as tasks
 from service.access.caller import caller_of
-from service.endpoints.configurations import json_answer
 from service.endpoints.plans.replay import pinned_references
 from service.http import answers
+from service.http.answers import json_answer, of_robot
 from service.http.compute import compute
 from service.http.json_route import json_router
 from service.http.state import REPLAY, Replay, store_of
@@ -108,7 +108,7 @@ async def retime(body: RetimeRequest, request: Request) -> Response:
 
     The limits are certified. Of collisions nothing is known, which the certificate says.
     """
-    return await answers.respond_with(request, tasks.retime.job, body)
+    return await answers.respond(request, of_robot(tasks.retime.job), body.robot, body)
 
 
 @timing.post(
@@ -122,11 +122,7 @@ async def simplify(body: SimplifyRequest, request: Request) -> Response:
     With a robot the lines are proved against its limits of position and the scene; where they are
     not free, nearer ones are tried.
     """
-    if body.robot is not None:
-        return await answers.respond(request, tasks.simplify.job, body.robot, body)
-    return await answers.respond_with(
-        request, lambda robot, content: tasks.simplify.job(robot, None, content), body
-    )
+    return await answers.respond(request, tasks.simplify.job, body.robot, body)
 
 
 @timing.post("/paths/fit", summary="Polynomials for a recorded motion", response_model=FitAnswer)
@@ -135,7 +131,7 @@ async def fit(body: FitRequest, request: Request) -> Response:
 
     With a robot they are proved against its limits and for collisions with itself.
     """
-    return await answers.respond_with(request, tasks.fit.job, body)
+    return await answers.respond(request, of_robot(tasks.fit.job), body.robot, body)
 
 
 @timing.post(

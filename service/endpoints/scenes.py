@@ -2,7 +2,7 @@
 
 from datetime import UTC, datetime
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
@@ -46,10 +46,10 @@ async def project(name: str, _body: ProjectRequest, request: Request) -> Respons
     The distance is negative inside; margins are no part of an obstacle here.
     """
     content = await request.body()
-    result = await answers.answer_scene(
-        request, lambda scene: project_task.job(scene, content), name
+    result = await answers.answer(
+        request, lambda _, scene: project_task.job(cast(Reference, scene), content), None, name
     )
-    return Response(result, media_type="application/json")
+    return answers.json_answer(result)
 
 
 @router.post("", status_code=201, summary="Store a new scene", response_model=SceneSummary)

@@ -1,19 +1,16 @@
-"""Answers that workers compute for robots and scenes, which are prepared first where needed.
+"""Answers that workers compute for robots and scenes, which are prepared first where needed."""
 
-Answers to requests for plans are counted, too.
-"""
-
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Protocol, TypeVar
+from typing import TypeVar, cast
 
 from fastapi import Request, Response
+from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.scenes.scene import Scene
 from armwright_wire.scenes.tool import WithTool
 from service.http.compute import compute, compute_at_once
-from service.http.metrics import Metrics
 from service.http.state import (
     STORED_TOOL,
     documents_of,
@@ -22,11 +19,11 @@ from service.http.state import (
     repository_of,
     settings_of,
 )
-from service.problem import ProblemError, from_fields, storage_problem
+from service.problem import from_fields, storage_problem
 from service.storage.caches.cache_key import Kind, Mount, Reference
 from service.storage.caches.mounts import Asked, mount_of, named_tools
 from service.storage.robot_repository import is_built_in
-from service.task_references import plan, prepare_robot, prepare_scene, robot_model
+from service.task_references import prepare_robot, prepare_scene, robot_model
 from service.workers.process import OnProgress
 from service.workers.result import CacheMiss, RobotModel, TaskProblem
 from service.workers.task import Job
@@ -92,9 +89,7 @@ async def robot(request: Request, name: str) -> Reference:
     Raises:
         ProblemError: NOT_FOUND.
     """
-    (reference,) = await _look_up(request, ("robot", name))
-    assert reference is not None
-    return reference
+    return cast(Reference, (await _look_up(request, ("robot", name)))[0])
 
 
 async def scene(request: Request, name: str) -> Reference:
@@ -103,9 +98,7 @@ async def scene(request: Request, name: str) -> Reference:
     Raises:
         ProblemError: NOT_FOUND.
     """
-    (reference,) = await _look_up(request, ("scene", name))
-    assert reference is not None
-    return reference
+    return cast(Reference, (await _look_up(request, ("scene", name)))[0])
 
 
 async def model(request: Request, name: str) -> RobotModel:
@@ -118,7 +111,9 @@ async def model(request: Request, name: str) -> RobotModel:
     reference = await robot(request, name)
     key = reference.hash, reference.built_in
     if key not in models:
-        described = await answer_at_once(request, robot_model.job, name, {})
+        described = await answer(
+            request, lambda robot, _: robot_model.job(robot), name, asked={}, at_once=True
+        )
         # It may have been replaced meanwhile: kept under its key only if it was not.
         if await robot(request, name) != reference:
             return described
@@ -127,195 +122,110 @@ async def model(request: Request, name: str) -> RobotModel:
     return kept
 
 
+async def references(
+    request: Request,
+    robot_name: str | None,
+    scene_source: str | Scene | None,
+    asked: Asked | None = None,
+) -> tuple[Reference | None, Reference | None]:
+    """References of a robot, with the tool that it works with, and of a stored scene.
+
+    Args:
+        request: Request on whose behalf.
+        robot_name: The robot, if there is one.
+        scene_source: The scene as the request gives it.
+        asked: What says which tool is mounted; the body of the request if left out.
+
+    Raises:
+        ProblemError: NOT_FOUND.
+    """
+    scene_name = scene_source if isinstance(scene_source, str) else None
+    mount = None if robot_name is None else await tool_mount(request, asked)
+    found, around = await _look_up(request, ("robot", robot_name), ("scene", scene_name))
+    return found if found is None or mount is None else replace(found, mount=mount), around
+
+
 async def answer(
     request: Request,
     make_job: Callable[[Reference, Reference | None], Job[_R | TaskProblem | CacheMiss]],
-    robot_name: str,
+    robot_name: str | None,
     scene_source: str | Scene | None = None,
     *,
     timeout: float | None = None,
     on_progress: OnProgress | None = None,
     asked: Asked | None = None,
+    at_once: bool = False,
 ) -> _R:
     """The result of a job about a robot and perhaps a scene, computed in a worker.
 
     Args:
         request: Request on whose behalf.
         make_job: Makes the job from the references of the robot and of a stored scene.
-        robot_name: The robot.
+        robot_name: The robot; None for a job that needs none, or only a scene.
         scene_source: The scene as the request gives it.
         timeout: Timeout as the request names it [s].
         on_progress: Told of progress in place of the job that the request belongs to.
         asked: What says which tool is mounted; the body of the request if left out.
+        at_once: Whether the job takes a millisecond: it is done whatever else is being computed.
 
     Raises:
-        ProblemError: NOT_FOUND; what the task refused; all of `compute`.
+        ProblemError: NOT_FOUND; what the task refused; all of `compute` or `compute_at_once`.
     """
-    scene_name = scene_source if isinstance(scene_source, str) else None
-    names: list[tuple[Kind, str | None]] = [("robot", robot_name), ("scene", scene_name)]
-    mount = await tool_mount(request, asked)
-    return await _answer(request, make_job, names, timeout, on_progress, mount)
+
+    async def run() -> _R | TaskProblem | CacheMiss:
+        found, around = await references(request, robot_name, scene_source, asked)
+        job = make_job(cast(Reference, found), around)
+        if at_once:
+            return await compute_at_once(request, job)
+        return await compute(request, job, timeout, on_progress)
+
+    return await prepared_result(request, run)
 
 
-async def answer_at_once(
-    request: Request,
-    make_job: Callable[[Reference], Job[_R | CacheMiss]],
-    robot_name: str,
-    asked: Asked | None = None,
+async def prepared_result(
+    request: Request, run: Callable[[], Awaitable[_R | TaskProblem | CacheMiss]]
 ) -> _R:
-    """The result of a job about a robot that takes a millisecond, whatever else is being computed.
+    """The result of a job, run again once the robot or scene that it found missing is prepared.
 
     Args:
         request: Request on whose behalf.
-        make_job: Makes the job from the reference of the robot.
-        robot_name: The robot.
-        asked: What says which tool is mounted; the body of the request if left out.
+        run: Computes the job.
 
     Raises:
-        ProblemError: NOT_FOUND; what the task refused; all of `compute_at_once`.
-    """
-    mount = await tool_mount(request, asked)
-    for _ in range(_ATTEMPTS):
-        job = make_job(replace(await robot(request, robot_name), mount=mount))
-        result = await compute_at_once(request, job)
-        if not isinstance(result, CacheMiss):
-            return result
-        await _prepare(request, result.reference)
-    raise _replaced_meanwhile()
-
-
-async def references(
-    request: Request, robot_name: str, scene_source: str | Scene | None, asked: Asked
-) -> tuple[Reference, Reference | None]:
-    """References of a robot, with the tool that it works with, and of a stored scene.
-
-    Raises:
-        ProblemError: NOT_FOUND.
-    """
-    scene_name = scene_source if isinstance(scene_source, str) else None
-    found, around = await _look_up(request, ("robot", robot_name), ("scene", scene_name))
-    assert found is not None
-    return replace(found, mount=await tool_mount(request, asked)), around
-
-
-async def result_at_once(request: Request, job: Job[_R | TaskProblem | CacheMiss]) -> _R:
-    """The result of a job that takes some milliseconds, whatever else is being computed.
-
-    Raises:
-        ProblemError: What the task refused; all of `compute_at_once`.
+        ProblemError: What the task refused; CONFLICT, what is stored keeps being replaced.
     """
     for _ in range(_ATTEMPTS):
-        result = await compute_at_once(request, job)
+        result = await run()
         if isinstance(result, TaskProblem):
             raise from_fields(result.code, result.message, result.hint, result.details)
         if not isinstance(result, CacheMiss):
             return result
         await _prepare(request, result.reference)
-    raise _replaced_meanwhile()
-
-
-class RobotRequest(Protocol):
-    """Fields of a request that may be about a robot, which the server itself reads."""
-
-    @property
-    def robot(self) -> str | None:
-        """The name of the robot, if there is one."""
-
-    @property
-    def timeout(self) -> float | None:
-        """Time for the whole request, if one is named [s]."""
-
-
-async def respond_with(
-    request: Request,
-    make_job: Callable[[Reference | None, bytes], Job[bytes | TaskProblem | CacheMiss]],
-    body: RobotRequest,
-) -> Response:
-    """Response with the result of a job about the body of a request, and perhaps about a robot.
-
-    Raises:
-        ProblemError: As `answer`.
-    """
-    content = await request.body()
-    mount = None if body.robot is None else await tool_mount(request)
-    names: list[tuple[Kind, str | None]] = [("robot", body.robot)]
-    result = await _answer(
-        request, lambda robot: make_job(robot, content), names, body.timeout, None, mount
+    raise storage_problem(
+        "CONFLICT",
+        "the robot or the scene keeps being replaced",
+        hint="Ask again when nobody changes it.",
     )
-    return Response(result, media_type="application/json")
-
-
-async def answer_scene(
-    request: Request,
-    make_job: Callable[[Reference], Job[_R | TaskProblem | CacheMiss]],
-    scene_name: str,
-) -> _R:
-    """The result of a job about a stored scene, computed in a worker.
-
-    Raises:
-        ProblemError: As `answer`.
-    """
-    return await _answer(request, make_job, [("scene", scene_name)], None)
-
-
-async def _answer(
-    request: Request,
-    make_job: Callable[..., Job[_R | TaskProblem | CacheMiss]],
-    names: Sequence[tuple[Kind, str | None]],
-    timeout: float | None,
-    on_progress: OnProgress | None = None,
-    mount: Mount | None = None,
-) -> _R:
-    for _ in range(_ATTEMPTS):
-        found = await _look_up(request, *names)
-        if mount is not None and found[0] is not None:
-            found[0] = replace(found[0], mount=mount)
-        job = make_job(*found)
-        result = await compute(request, job, timeout, on_progress)
-        if isinstance(result, CacheMiss):
-            await _prepare(request, result.reference)
-            continue
-        if isinstance(result, TaskProblem):
-            raise from_fields(result.code, result.message, result.hint, result.details)
-        return result
-    raise _replaced_meanwhile()
-
-
-class SceneRequest(Protocol):
-    """Fields of a request about a robot in a scene that the server itself reads."""
-
-    @property
-    def scene(self) -> str | Scene | None:
-        """The name of a stored scene, an inline scene, or none."""
-
-    @property
-    def timeout(self) -> float | None:
-        """Time for all stages together, if one is named [s]."""
-
-
-class PlanProblem(SceneRequest, Protocol):
-    """Fields of a request for a plan that the server itself reads."""
-
-    @property
-    def robot(self) -> str:
-        """The name of the robot."""
 
 
 async def respond(
     request: Request,
     make_job: Callable[[Reference, Reference | None, bytes], Job[bytes | TaskProblem | CacheMiss]],
-    robot_name: str,
-    body: SceneRequest,
+    robot_name: str | None,
+    body: BaseModel,
     media_type: str = "application/json",
+    *,
+    at_once: bool = False,
 ) -> Response:
     """Response with the result of a job about the body of a request, a robot and perhaps a scene.
 
     Args:
         request: Request on whose behalf.
         make_job: Makes the job from the references and the content of the body.
-        robot_name: The robot.
+        robot_name: The robot, if there is one.
         body: The body.
         media_type: Media type of the result.
+        at_once: At once as `answer` has it.
 
     Raises:
         ProblemError: As `answer`.
@@ -325,10 +235,28 @@ async def respond(
         request,
         lambda robot, scene: make_job(robot, scene, content),
         robot_name,
-        body.scene,
-        timeout=body.timeout,
+        getattr(body, "scene", None),
+        timeout=getattr(body, "timeout", None),
+        at_once=at_once,
     )
     return Response(result, media_type=media_type)
+
+
+def of_robot(
+    make_job: Callable[[Reference, bytes], Job[_R]],
+) -> Callable[[Reference, Reference | None, bytes], Job[_R]]:
+    """Maker of a job that is about a robot alone, for `respond`."""
+    return lambda robot, _, content: make_job(robot, content)
+
+
+def count(joints: Sequence[float] | Sequence[Sequence[float]]) -> int:
+    """The number of configurations in a field ``joints``."""
+    return len(joints) if isinstance(joints[0], list) else 1
+
+
+def json_answer(content: bytes) -> Response:
+    """An answer that is JSON already."""
+    return Response(content, media_type="application/json")
 
 
 async def robot_document(request: Request, name: str) -> bytes | None:
@@ -349,52 +277,10 @@ async def build(request: Request, job: Job[_R]) -> _R:
     return await compute(request, job, min(BUILD_TIMEOUT, settings_of(request).max_timeout))
 
 
-async def _prepare(request: Request, reference: Reference) -> Reference:
+async def _prepare(request: Request, reference: Reference) -> None:
     """Have a worker build what is stored once more: the data folder lost it, or is newer."""
     current, document = await run_in_threadpool(repository_of(request).document, reference)
     if reference.kind == "robot":
         await build(request, prepare_robot.job(document, current.folder))
     else:
         await build(request, prepare_scene.job(document, current.folder, current.name))
-    return current
-
-
-def _replaced_meanwhile() -> ProblemError:
-    return storage_problem(
-        "CONFLICT",
-        "the robot or the scene keeps being replaced",
-        hint="Ask again when nobody changes it.",
-    )
-
-
-async def plan_answer(
-    request: Request,
-    body: PlanProblem,
-    content: bytes,
-    left: bytes | None = None,
-) -> bytes:
-    """The answer to a request for a plan, JSON.
-
-    Args:
-        request: Request on whose behalf.
-        body: The problem.
-        content: The problem as JSON, for the worker.
-        left: The motion that the plan leaves, JSON, where its start names one.
-
-    Raises:
-        ProblemError: There is no plan; as `answers.answer`.
-    """
-    metrics: Metrics = request.app.state.metrics
-    try:
-        outcome = await answer(
-            request,
-            lambda robot, scene: plan.job(robot, scene, content, left),
-            body.robot,
-            body.scene,
-            timeout=body.timeout,
-        )
-    except ProblemError as problem:
-        metrics.count_failure(problem.code, problem.details.get("stages"))
-        raise
-    metrics.count_plan(outcome.planner, outcome.stages)
-    return outcome.content

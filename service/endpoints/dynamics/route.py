@@ -22,8 +22,8 @@ from armwright_wire.robots.identification import (
     IdentifyAnswer,
     IdentifyRequest,
 )
-from service.endpoints.configurations import count, json_answer, respond
 from service.http import answers
+from service.http.answers import of_robot
 from service.http.json_route import json_router
 from service.task_references import calibrate as calibrate_task
 from service.task_references import dynamics as dynamics_task
@@ -45,8 +45,8 @@ _AXIS = "r?[xyz]"
 @router.post("/wrench", summary="Torques that hold a wrench", response_model=WrenchAnswer)
 async def wrench(name: str, body: WrenchRequest, request: Request) -> Response:
     """τ = Jᵀ F for a wrench F = [f; n] that a link exerts, in the root frame."""
-    is_brief = count(body.joints) <= _BRIEF_STATES
-    return await respond(request, name, wrench_task, is_brief=is_brief)
+    is_brief = answers.count(body.joints) <= _BRIEF_STATES
+    return await answers.respond(request, of_robot(wrench_task.job), name, body, at_once=is_brief)
 
 
 @router.post("/dynamics", summary="Equations of motion", response_model=DynamicsAnswer)
@@ -56,8 +56,8 @@ async def dynamics(name: str, body: DynamicsRequest, request: Request) -> Respon
     A robot without inertias is refused with MISSING_INERTIA, which names the links.
     """
     is_brief = not (body.christoffel_symbols or body.partial_jacobians)
-    is_brief = is_brief and count(body.joints) <= _BRIEF_STATES
-    return await respond(request, name, dynamics_task, is_brief=is_brief)
+    is_brief = is_brief and answers.count(body.joints) <= _BRIEF_STATES
+    return await answers.respond(request, of_robot(dynamics_task.job), name, body, at_once=is_brief)
 
 
 @router.post(
@@ -68,17 +68,19 @@ async def forward_dynamics(name: str, body: ForwardDynamicsRequest, request: Req
 
     A robot without inertias is refused with MISSING_INERTIA, which names the links.
     """
-    is_brief = count(body.joints) <= _BRIEF_STATES
-    return await respond(request, name, forward_dynamics_task, is_brief=is_brief)
+    is_brief = answers.count(body.joints) <= _BRIEF_STATES
+    return await answers.respond(
+        request, of_robot(forward_dynamics_task.job), name, body, at_once=is_brief
+    )
 
 
 @router.post("/regressor", summary="Linear parametrisation", response_model=RegressorAnswer)
-async def regressor(name: str, _body: RegressorRequest, request: Request) -> Response:
+async def regressor(name: str, body: RegressorRequest, request: Request) -> Response:
     """The regressor of the equations of motion, the standard and the base parameters.
 
     Finding the base parameters takes longer than a request should hold up others: a worker does.
     """
-    return await respond(request, name, regressor_task, is_brief=False)
+    return await answers.respond(request, of_robot(regressor_task.job), name, body)
 
 
 @router.post(
@@ -90,15 +92,7 @@ async def identify(name: str, body: IdentifyRequest, request: Request) -> Respon
     Weighted least squares with standard errors, and the bodies with positive density that fit best.
     Nothing is stored: PATCH the robot with the `inertias` that are answered.
     """
-    content = await request.body()
-    return json_answer(
-        await answers.answer(
-            request,
-            lambda robot, _: identify_task.job(robot, content),
-            name,
-            timeout=body.timeout,
-        )
-    )
+    return await answers.respond(request, of_robot(identify_task.job), name, body)
 
 
 @router.post(
@@ -122,15 +116,7 @@ async def calibrate(name: str, body: CalibrateRequest, request: Request) -> Resp
     With their errors, and for each joint's bodies the margin that these leave. Nothing is stored:
     PATCH the robot with the `calibration` that is answered.
     """
-    content = await request.body()
-    return json_answer(
-        await answers.answer(
-            request,
-            lambda robot, _: calibrate_task.job(robot, content),
-            name,
-            timeout=body.timeout,
-        )
-    )
+    return await answers.respond(request, of_robot(calibrate_task.job), name, body)
 
 
 @router.get("/equations", summary="Formulas", response_model=EquationsAnswer)
@@ -167,4 +153,4 @@ async def equations(
         name,
         timeout=timeout,
     )
-    return json_answer(content)
+    return answers.json_answer(content)

@@ -11,13 +11,16 @@ from pydantic_core import to_json
 from armwright_wire.plans.guard import GuardAnswer, GuardOpening, GuardRequest
 from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
-from service.endpoints.guard.session import GuardSession
 from service.http import answers
+from service.http.compute import compute_at_once
 from service.http.errors import document, from_domain
 from service.http.json_route import json_router
 from service.problem import ProblemError
+from service.storage.caches.cache_key import Reference
 from service.task_references import guard as guard_task
+from service.task_references import guard_message
 from service.validation import parse_json, validate_as
+from service.workers.result import SessionState
 
 router = json_router("planning")
 
@@ -25,6 +28,45 @@ router = json_router("planning")
 _REFUSED, _GOING = 1008, 1001
 #: Time in which the first message has to come, and the longest silence after it [s].
 _FIRST, _SILENCE = 10.0, 600.0
+
+
+class _Session:
+    """A session as the server keeps it: the arm's state between messages, which any worker answers.
+
+    Args:
+        request: Request that opened it.
+        references: Robot and stored scene, as they were then.
+        opening: The opening as JSON.
+    """
+
+    def __init__(
+        self, request: Request, references: tuple[Reference, Reference | None], opening: bytes
+    ) -> None:
+        self._request, self._references, self._opening = request, references, opening
+        self._state = SessionState(uuid.uuid4().hex)
+
+    @classmethod
+    async def open(cls, request: Request, body: GuardOpening, opening: bytes) -> "_Session":
+        """A session about the robot and the scene of an opening.
+
+        Raises:
+            ProblemError: NOT_FOUND.
+        """
+        robot, scene = await answers.references(request, body.robot, body.scene, body)
+        return cls(request, (cast(Reference, robot), scene), opening)
+
+    async def answer(self, message: bytes) -> bytes:
+        """The answer to a message; to the opening where it is empty.
+
+        Raises:
+            ProblemError: The message is at fault, or the service has no time for it.
+        """
+        job = guard_message.job(*self._references, self._opening, self._state, message)
+        reply = await answers.prepared_result(
+            self._request, lambda: compute_at_once(self._request, job)
+        )
+        self._state = reply.state
+        return reply.content
 
 
 @router.post("/guard", summary="Prove a proposal and its stop", response_model=GuardAnswer)
@@ -56,8 +98,7 @@ async def guard_session(socket: WebSocket) -> None:
                 )
             guarded.add(wanted)
             held = wanted
-        request = cast(Request, socket)
-        session = await GuardSession.open(request, body, to_json(opening), uuid.uuid4().hex)
+        session = await _Session.open(cast(Request, socket), body, to_json(opening))
         ready = await session.answer(b"")
         await socket.send_text((await _told(session, to_json(first)) if first else ready).decode())
         while True:
@@ -89,7 +130,7 @@ async def _message(socket: WebSocket, seconds: float) -> bytes:
     return message["bytes"] if text is None else text.encode()
 
 
-async def _told(session: GuardSession, message: bytes) -> bytes:
+async def _told(session: _Session, message: bytes) -> bytes:
     """The answer to a message, or the problem with it: the session goes on."""
     try:
         return await session.answer(message)

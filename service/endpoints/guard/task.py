@@ -35,11 +35,10 @@ from planning.proof.violation import Violation
 from planning.timing.jerk.state_to_state import JointState
 from planning.values.limits import MotionLimits
 from service.endpoints.attached_objects import robot_in_scene
-from service.endpoints.guard.state import SessionReply, SessionState
 from service.endpoints.plan.task import check_solids
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, timings, trajectories
-from service.workers.result import TaskProblem, validation_fault
+from service.workers.result import SessionReply, SessionState, TaskProblem, validation_fault
 from service.workers.task import GRACE, task
 
 _HINT = "Give the robot solids, or leave the obstacles out."

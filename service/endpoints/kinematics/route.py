@@ -1,7 +1,5 @@
 """Forward and inverse kinematics and Jacobians of a robot."""
 
-from collections.abc import Sequence
-
 from fastapi import Request, Response
 
 from armwright_wire.robots.kinematics import (
@@ -14,8 +12,8 @@ from armwright_wire.robots.kinematics import (
     VelocityAnswer,
     VelocityRequest,
 )
-from service.endpoints.configurations import count, json_answer, respond
 from service.http import answers
+from service.http.answers import of_robot
 from service.http.json_route import json_router
 from service.task_references import finger_poses
 from service.task_references import fk as fk_task
@@ -36,18 +34,14 @@ _BRIEF_TWISTS = 10
 async def fk(name: str, body: FkRequest, request: Request) -> Response:
     """The pose of one link, the tip if none is named, and of all links."""
     if body.fingers is not None:
-        content = await request.body()
-        result = await answers.answer(
-            request, lambda robot, _: finger_poses.job(robot, content), name
-        )
-        return json_answer(result)
-    return await _frames(request, name, fk_task, body.joints)
+        return await answers.respond(request, of_robot(finger_poses.job), name, body)
+    return await _frames(request, name, fk_task, body)
 
 
 @router.post("/jacobian", summary="Jacobians", response_model=JacobianAnswer)
 async def jacobian(name: str, body: JacobianRequest, request: Request) -> Response:
     """The Jacobian of a link or of a point on it, linear rows first, in the frame asked for."""
-    return await _frames(request, name, jacobian_task, body.joints)
+    return await _frames(request, name, jacobian_task, body)
 
 
 @router.post("/velocity", summary="Velocity kinematics", response_model=VelocityAnswer)
@@ -57,8 +51,8 @@ async def velocity(name: str, body: VelocityRequest, request: Request) -> Respon
     The least-norm solution, or that of least residual, plus the null-space term; damped near
     singularities; the answer lists what was damped.
     """
-    is_brief = count(body.joints) <= _BRIEF_TWISTS
-    return await respond(request, name, velocity_task, is_brief=is_brief)
+    is_brief = answers.count(body.joints) <= _BRIEF_TWISTS
+    return await answers.respond(request, of_robot(velocity_task.job), name, body, at_once=is_brief)
 
 
 @router.post("/ik", summary="Configurations that reach a pose", response_model=IkAnswer)
@@ -71,14 +65,10 @@ async def ik(name: str, body: IkRequest, request: Request) -> Response:
 
 
 async def _frames(
-    request: Request,
-    robot: str,
-    task: ChainTask,
-    joints: Sequence[float] | Sequence[Sequence[float]],
+    request: Request, robot: str, task: ChainTask, body: FkRequest | JacobianRequest
 ) -> Response:
     """The answer of a task whose time goes by the frames that it computes."""
-    is_brief = count(joints) == 1
-    if not is_brief:
-        links = (await answers.model(request, robot)).links
-        is_brief = count(joints) * links <= _BRIEF_FRAMES
-    return await respond(request, robot, task, is_brief=is_brief)
+    count = answers.count(body.joints)
+    links = 1 if count == 1 else (await answers.model(request, robot)).links
+    is_brief = count * links <= _BRIEF_FRAMES
+    return await answers.respond(request, of_robot(task.job), robot, body, at_once=is_brief)

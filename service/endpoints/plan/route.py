@@ -1,6 +1,7 @@
 """Planning of motions, and proofs of anybody's."""
 
 import json
+from typing import cast
 
 from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
@@ -9,10 +10,11 @@ from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.plans.plan import PlanAnswer, PlanRequest, ValidateRequest
 from service.access.caller import caller_of
 from service.http import answers
-from service.http.answers import plan_answer
 from service.http.json_route import json_router
+from service.http.metrics import Metrics
 from service.http.state import store_of
 from service.problem import ProblemError
+from service.task_references import plan as plan_task
 from service.task_references import validate as validate_task
 
 router = json_router("planning")
@@ -27,8 +29,20 @@ async def plan(body: PlanRequest, request: Request) -> Response:
     name, left = body.start.plan, None
     if name is not None:
         left = await run_in_threadpool(_motion, request, name)
-    content = await plan_answer(request, body, await request.body(), left)
-    return Response(content, media_type="application/json")
+    content, metrics = await request.body(), cast(Metrics, request.app.state.metrics)
+    try:
+        outcome = await answers.answer(
+            request,
+            lambda robot, scene: plan_task.job(robot, scene, content, left),
+            body.robot,
+            body.scene,
+            timeout=body.timeout,
+        )
+    except ProblemError as problem:
+        metrics.count_failure(problem.code, problem.details.get("stages"))
+        raise
+    metrics.count_plan(outcome.planner, outcome.stages)
+    return answers.json_answer(outcome.content)
 
 
 @router.post("/validate", summary="Prove a motion", response_model=CertificateAnswer)
