@@ -1,10 +1,9 @@
 """Scenes by name."""
 
 from datetime import UTC, datetime
-from functools import partial
-from typing import Annotated, Any, cast
+from typing import Any, cast
 
-from fastapi import Query, Request, Response
+from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.scenes.scene import (
@@ -15,13 +14,13 @@ from armwright_wire.scenes.scene import (
     SceneList,
     SceneSummary,
 )
-from service.endpoints.paging import page
+from service.endpoints import documents
+from service.endpoints.documents import After, Limit
 from service.http import answers
-from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import json_router
 from service.http.request_headers import check_precondition
-from service.http.state import documents_of, prepared_folder
-from service.problem import ProblemError, request_problem
+from service.http.state import prepared_folder
+from service.problem import ProblemError
 from service.storage.caches import prepared_files
 from service.storage.caches.cache_key import Reference
 from service.storage.stores.document_store import Record
@@ -56,56 +55,34 @@ async def project(name: str, _body: ProjectRequest, request: Request) -> Respons
 async def create_scene(body: NamedScene, request: Request) -> Response:
     """Checks the scene and stores it under its name, which must be free."""
     content = await _build_document(request, body.name)
-    told = kept_answer(request, _created)
-    documents = documents_of(request)
-    record = await run_in_threadpool(documents.create, _KIND, body.name, content, told)
-    note_kept(request)
-    return _created(record)
+    return await documents.create(request, _KIND, body.name, content, _created)
 
 
 @router.get("", summary="List scenes")
-async def list_scenes(
-    request: Request,
-    after: Annotated[str, Query(max_length=256, description="names that sort after this")] = "",
-    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
-) -> SceneList:
+async def list_scenes(request: Request, after: After = "", limit: Limit = 100) -> SceneList:
     """The stored scenes by name, page by page."""
-    stored = await run_in_threadpool(documents_of(request).list, _KIND, after, limit + 1)
-    records, following = page(stored, limit, lambda record: record.name)
+    stored = await documents.stored(request, _KIND, after, limit)
+    records, following = documents.page(stored, limit, lambda record: record.name)
     return SceneList(scenes=[_summary(record) for record in records], next=following)
 
 
 @router.get("/{name}", summary="Get a scene", response_model=NamedScene)
 async def get_scene(name: str, request: Request) -> Response:
     """The scene as it was stored; the header ETag changes whenever it is replaced."""
-    document = await run_in_threadpool(documents_of(request).get, _KIND, name)
-    headers = {"ETag": f'"{document.record.hash}"'}
-    return Response(document.content, headers=headers, media_type="application/json")
+    return await documents.get(request, _KIND, name)
 
 
 @router.put("/{name}", summary="Store or replace a scene", responses=_CREATED)
 async def put_scene(name: str, body: Scene, request: Request, response: Response) -> SceneSummary:
     """Checks the scene and stores it under the name in the path; 201 if there was none."""
-    if body.name not in (None, name):
-        raise request_problem(
-            "VALIDATION_ERROR",
-            f"name: {body.name!r} in the body, but {name!r} in the path",
-            hint="Leave the name out of the body.",
-        )
+    documents.check_name(body.name, name)
     validate_as(NamedScene, {"obstacles": [], "name": name})
     check_precondition(request, _hash(await _prepared_reference(request, name)))
     content = await _build_document(request, name)
     before = await _prepared_reference(request, name)
-    # Asked once more in the transaction that stores it: it may have been replaced meanwhile.
-    precondition = partial(check_precondition, request)
-    record = await run_in_threadpool(
-        documents_of(request).replace, _KIND, name, content, precondition
-    )
+    record = await documents.replace(request, response, _KIND, name, content)
     if before is not None and before.hash != record.hash:
         await run_in_threadpool(prepared_files.forget, before)
-    if record.version == 1:
-        response.status_code = 201
-        response.headers["Location"] = f"/v1/scenes/{name}"
     return _summary(record)
 
 
@@ -113,8 +90,7 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
 async def delete_scene(name: str, request: Request) -> None:
     """Forgets the scene."""
     before = await _prepared_reference(request, name)
-    precondition = partial(check_precondition, request)
-    await run_in_threadpool(documents_of(request).delete, _KIND, name, precondition)
+    await documents.delete(request, _KIND, name)
     if before is not None:
         await run_in_threadpool(prepared_files.forget, before)
 
@@ -138,21 +114,10 @@ def _hash(reference: Reference | None) -> str | None:
     return None if reference is None else reference.hash
 
 
-def _created(record: Record) -> Response:
-    content = _summary(record).model_dump_json().encode()
-    headers = {"Location": f"/v1/scenes/{record.name}"}
-    return Response(content, 201, headers, "application/json")
+def _created(record: Record) -> bytes:
+    return _summary(record).model_dump_json().encode()
 
 
 def _summary(record: Record) -> SceneSummary:
-    return SceneSummary(
-        name=record.name,
-        hash=record.hash,
-        version=record.version,
-        created=_iso(record.created),
-        updated=_iso(record.updated),
-    )
-
-
-def _iso(seconds: float) -> str:
-    return datetime.fromtimestamp(seconds, UTC).isoformat()
+    created = datetime.fromtimestamp(record.created, UTC).isoformat()
+    return SceneSummary(**documents.summary_fields(record), created=created)

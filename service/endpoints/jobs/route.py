@@ -7,7 +7,7 @@ from starlette.responses import StreamingResponse
 
 from armwright_wire.plans.job import JobAnswer, JobList, JobSummary
 from service.access.caller import caller_of
-from service.endpoints.paging import page
+from service.endpoints.documents import page
 from service.http.json_route import json_router
 from service.http.state import settings_of
 from service.jobs.answer import job_document, job_summary

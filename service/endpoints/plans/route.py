@@ -25,7 +25,7 @@ from armwright_wire.plans.kept_plan import (
 )
 from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
-from service.endpoints.paging import page
+from service.endpoints.documents import page
 from service.endpoints.plans.document import (
     bundle,
     checked_bundle,

@@ -5,7 +5,6 @@ from importlib.resources import files
 from typing import Annotated, Any, Literal
 
 from fastapi import Query, Request, Response
-from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
 
@@ -20,19 +19,17 @@ from armwright_wire.robots.robot import (
     RobotSummary,
 )
 from kinematics.robot_names import builtin_names
-from service.endpoints.paging import page
+from service.endpoints import documents
+from service.endpoints.documents import After, Limit
 from service.http import answers
-from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import JsonRequest, json_router, require_json, require_plain
 from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError, request_problem, storage_problem
 from service.storage.caches import prepared_files
 from service.storage.robot_repository import is_built_in
-from service.storage.stores.document_store import Record
-from service.storage.stores.idempotency_store import KeptAnswer
 from service.task_references import change_robot as change_task
 from service.task_references import make_robot, robot_geometry, robot_srdf, robot_urdf, unpack_robot
-from service.validation import fault_list, parse_json, validation_problem
+from service.validation import parse_json, validate_as
 
 router = json_router("robots", "/v1/robots")
 
@@ -69,24 +66,15 @@ async def create_robot(request: Request) -> Response:
         document, answer, name = await _from_form(request)
     else:
         document, answer, name = await _from_json(request, content_type)
-    created = Response(answer, 201, {"Location": f"/v1/robots/{name}"}, "application/json")
-    told: KeptAnswer[Record] | None = kept_answer(request, lambda _: created)
-    await run_in_threadpool(documents_of(request).create, _KIND, name, document, told)
-    note_kept(request)
-    return created
+    return await documents.create(request, _KIND, name, document, lambda _: answer)
 
 
 @router.get("", summary="List robots")
-async def list_robots(
-    request: Request,
-    after: Annotated[str, Query(max_length=256, description="names that sort after this")] = "",
-    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
-) -> RobotList:
+async def list_robots(request: Request, after: After = "", limit: Limit = 100) -> RobotList:
     """Built-in and stored robots by name, page by page."""
-    records = await run_in_threadpool(documents_of(request).list, _KIND, after, limit + 1)
-    stored = [record.name for record in records]
+    stored = [record.name for record in await documents.stored(request, _KIND, after, limit)]
     every = sorted([*stored, *(name for name in builtin_names() if name > after)])
-    names, following = page(every, limit, str)
+    names, following = documents.page(every, limit, str)
     robots = [await _summary(request, name) for name in names]
     return RobotList(robots=[robot for robot in robots if robot is not None], next=following)
 
@@ -174,8 +162,8 @@ async def change_robot(name: str, request: Request, _body: RobotChanges) -> Resp
     """
     _refuse_built_in(name)
     content = await request.body()
-    documents = documents_of(request)
-    before = await run_in_threadpool(documents.get, _KIND, name)
+    store = documents_of(request)
+    before = await run_in_threadpool(store.get, _KIND, name)
     job = change_task.job(before.content, content, prepared_folder(request))
     document, answer = await answers.build(request, job)
     reference = await answers.robot(request, name)
@@ -186,7 +174,7 @@ async def change_robot(name: str, request: Request, _body: RobotChanges) -> Resp
             hint="Send the change again.",
             name=name,
         )
-    record = await run_in_threadpool(documents.replace, _KIND, name, document)
+    record = await run_in_threadpool(store.replace, _KIND, name, document)
     if record.hash != reference.hash:
         await run_in_threadpool(prepared_files.forget, reference)
     return Response(answer, media_type="application/json")
@@ -214,12 +202,6 @@ async def _from_json(request: Request, content_type: str) -> tuple[bytes, bytes,
     job = make_robot.job(await request.body(), prepared_folder(request))
     document, answer = await answers.build(request, job)
     return document, answer, body.name
-
-
-def _invalid(error: ValidationError, parsed: Any) -> ProblemError:
-    # As the framework would give them: the place begins with where the value was.
-    errors = [{**item, "loc": ("body", *item["loc"])} for item in fault_list(error)]
-    return validation_problem(errors, parsed)
 
 
 # ------------------------------------------------------------------------- from an archive
@@ -258,10 +240,7 @@ def _form_fields(texts: dict[str, Any], file_name: str | None) -> ArchiveFields:
         # Of these what is no JSON object is the text of a YAML file.
         if name in given and (text.startswith("{") or name not in ("joint_limits", "calibration")):
             given[name] = _json_field(name, given[name])
-    try:
-        return ArchiveFields.model_validate(given)
-    except ValidationError as error:
-        raise _invalid(error, given) from None
+    return validate_as(ArchiveFields, given)
 
 
 def _json_field(name: str, text: str) -> Any:
