@@ -49,7 +49,7 @@ def cases(name: str, count: int, *, jerk: bool = True, seed: int = 0) -> Iterato
     random = np.random.default_rng([seed, *name.encode()])
     made = 0
     while made < count:
-        for moved in motions(name, -(-count // 4), 4.0, jerk=jerk):
+        for moved in motions(name, -(-count // 4), 4.0, jerk=jerk, first=10_000 * seed):
             for case in _of_motion(moved, random):
                 yield case
                 made += 1

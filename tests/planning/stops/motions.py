@@ -78,7 +78,7 @@ def scene(seed: int, reach: float) -> Scene:
 
 
 def motions(
-    name: str, count: int, brake: float, *, jerk: bool = True, weak: float = 1.0
+    name: str, count: int, brake: float, *, jerk: bool = True, weak: float = 1.0, first: int = 0
 ) -> Iterator[Moved]:
     """Proved motions of an arm, each in a scene of its own.
 
@@ -88,12 +88,13 @@ def motions(
         brake: Largest acceleration of every joint [rad/s^2 or m/s^2].
         jerk: Whether jerk is limited, to forty times that a second.
         weak: Share of the acceleration of the motions that stops brake with.
+        first: Number of the first scene, less one.
     """
-    robot, random = arm(name), np.random.default_rng(7)
+    robot, random = arm(name), np.random.default_rng(7 + first)
     n, (low, high) = robot.chain.n, robot.chain.sampling_bounds()
     bounds = {"velocity": np.full(n, 50.0), "acceleration": np.full(n, brake)}
     bounds["jerk"] = np.full(n, 40.0 * brake if jerk else np.inf)
-    limits, found, seed = MotionLimits(bounds), 0, 0
+    limits, found, seed = MotionLimits(bounds), 0, first
     brakes = MotionLimits(bounds | {"acceleration": np.full(n, weak * brake)})
     while found < count:
         seed += 1
