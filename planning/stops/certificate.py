@@ -14,6 +14,7 @@ from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.proof.certificate import Certificate, certify
+from planning.proof.violation import Violation
 from planning.stops.braking import BrakingLimits
 from planning.stops.family_proof import Worst, prove_family
 from planning.stops.path_stops import path_stop, prove_path_stops
@@ -24,6 +25,8 @@ from planning.values.preferences import StopKind, StopKinds
 
 #: Parts of a motion on which the longest stop with all joints braking is bounded [s].
 _PART = 0.01
+#: A stop begins no farther than this from the state of the motion [rad or m, and rates].
+_SAME_STATE = 1e-6
 
 
 class Surroundings(NamedTuple):
@@ -223,4 +226,20 @@ def stop_motion(
         raise InvalidOption(f"there is no stop of kind {kind!r}", hint="Name path or joints.")
     # A stop along the path keeps limits of velocity and acceleration; its jerk is only told.
     certificate = around.certify(motion, holds_jerk=kind == "joints", deadline=deadline)
-    return Stop(motion, certificate, kind, at)
+    return Stop(motion, _joined(trajectory, at, motion, certificate), kind, at)
+
+
+def _joined(
+    trajectory: Trajectory, at: float, stop: Trajectory, certificate: Certificate
+) -> Certificate:
+    """The certificate of a stop, refused where the stop does not begin in the motion's state."""
+    for order, name in enumerate(("position", "velocity")):
+        jump = np.abs(stop.sample([0.0], order) - trajectory.sample([at], order))[0]
+        if jump.max() > _SAME_STATE:
+            j = int(jump.argmax())
+            joint = trajectory.joint_names[j]
+            message = f"the {name} of joint {joint!r} jumps by {jump[j]:.6g} where braking begins"
+            details = {"quantity": name, "joint": joint, "jump": float(jump[j])}
+            fault = Violation("start", 0.0, message, details)
+            return replace(certificate, verified=False, violation=fault)
+    return certificate

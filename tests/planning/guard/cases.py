@@ -97,7 +97,7 @@ def faults(
     if verdict.trajectory is None:
         return []
     parts = (verdict.trajectory, verdict.stop.trajectory)
-    found = [fault for part in parts for fault in _limit_faults(part, case.around, instants)]
+    found = [fault for part in parts for fault in limit_faults(part, case.around, instants)]
     # The stop begins where the motion ends.
     joined = state_at(parts[1], 0.0)[:2] - state_at(parts[0])[:2]
     if np.abs(joined).max() > 1e-8:
@@ -109,7 +109,7 @@ def faults(
     found += [
         "the motion overlaps"
         for part in parts
-        if judge.overlaps(_positions(part, 0, instants)).any()
+        if judge.overlaps(positions(part, 0, instants)).any()
     ]
     if kind == "path":
         return found
@@ -124,18 +124,22 @@ def faults(
     return found
 
 
-def _limit_faults(motion: Trajectory, around: Surroundings, instants: int) -> Iterator[str]:
+def limit_faults(
+    motion: Trajectory, around: Surroundings, instants: int, *, jerk: bool = True
+) -> Iterator[str]:
+    """Limits that a motion exceeds at even instants, jerk among them or not."""
     limits, bounds = around.robot.chain.limits, around.limits.bounds
-    q = _positions(motion, 0, instants)
+    q = positions(motion, 0, instants)
     if (q < limits.lower - _SLACK).any() or (q > limits.upper + _SLACK).any():
         yield "a range is left"
-    for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
+    names = ("velocity", "acceleration", "jerk") if jerk else ("velocity", "acceleration")
+    for order, name in enumerate(names, start=1):
         most = np.asarray(bounds[name]) * (1.0 + _SLACK) + _SLACK
-        if (np.abs(_positions(motion, order, instants)) > most).any():
+        if (np.abs(positions(motion, order, instants)) > most).any():
             yield f"{name} is exceeded"
 
 
-def _positions(motion: Trajectory, order: int, instants: int) -> Array:
+def positions(motion: Trajectory, order: int, instants: int) -> Array:
     """Values of a derivative at even instants (instants, n), by numpy's own polynomials."""
     times = np.linspace(0.0, motion.duration, instants)
     at = np.searchsorted(motion.breaks[1:-1], times, side="right")

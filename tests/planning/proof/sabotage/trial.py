@@ -98,6 +98,11 @@ class Sabotage:
         setattr(owner, name, lie)
         _forget(owner.__module__)
 
+    def module(self, owner: ModuleType, name: str, lie: object) -> None:
+        """Put a lie in place of a name of one module, for this module alone."""
+        self._undo.callback(setattr, owner, name, getattr(owner, name))
+        setattr(owner, name, lie)
+
     def value(self, owner: object, name: str, lie: object) -> None:
         """Put a lie in place of a value of a frozen object."""
         origin = type(owner).__module__
