@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from kinematics.trajectory.trajectory import Trajectory, concatenate
-from planning.guard import gate
 from planning.guard.gate import Guard
 from planning.proof.certificate import Certificate, certify
+from planning.stops import certificate
 from planning.stops.certificate import Surroundings, stop_motion
 from tests.planning.guard.cases import cases, limit_faults, positions
 from tests.planning.proof.sabotage.stop_lies import GATE_LIES, STOP_LIES
@@ -32,7 +32,7 @@ def _proposed(name: str) -> Iterator[tuple[Trajectory, Certificate, Surroundings
             return found
 
         with ExitStack() as undo:
-            Sabotage(undo).module(gate, "certify", listening)
+            Sabotage(undo).module(certificate, "certify", listening)
             guard = Guard(case.around.robot, case.around.scene, "joints", limits=case.around.limits)
             verdict = guard.propose(case.state, case.proposal)
         for motion, found in handed:
