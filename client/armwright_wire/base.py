@@ -24,11 +24,13 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     JsonValue,
     PlainSerializer,
     Tag,
     WithJsonSchema,
+    model_validator,
 )
 from pydantic.config import JsonDict
 from pydantic.json_schema import JsonSchemaValue
@@ -150,6 +152,15 @@ class Body(Wire):
             if field is not None and [field.default] == [*get_args(field.annotation)]:
                 cls.tag = name
 
+    @model_validator(mode="after")
+    def _check_rules(self) -> Self:
+        """Check what is given together, before the rules of a form of its own."""
+        if self.one_of:
+            exactly_one(self, self.one_of)
+        if self.only_beside:
+            check_company(self)
+        return self
+
     @classmethod
     def of(cls, **fields: Any) -> Self:
         """The request with the fields that are not None."""
@@ -225,17 +236,22 @@ Seed = Annotated[
 ]
 
 Matrix: TypeAlias = list[list[float]]
-if TYPE_CHECKING:
-    # Objects hold lists; tuples and arrays may be given.
-    Vector3: TypeAlias = Sequence[float]
-    Vector6: TypeAlias = Sequence[float]
-    Point: TypeAlias = Sequence[float]
-    Matrix3: TypeAlias = Sequence[Sequence[float]]
-else:
-    Vector3 = Annotated[list[Number], Field(min_length=3, max_length=3)]
-    Vector6 = Annotated[list[Number], Field(min_length=6, max_length=6)]
-    Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
-    Matrix3 = Annotated[list[Vector3], Field(min_length=3, max_length=3)]
+
+
+class _AsList:
+    """Sequence for type checkers, as tuples and arrays may be given; objects hold lists."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return handler(list[get_args(source)[0]])  # type: ignore[misc]
+
+
+AS_LIST = _AsList()
+Vector3 = Annotated[Sequence[Number], AS_LIST, Field(min_length=3, max_length=3)]
+Vector6 = Annotated[Sequence[Number], AS_LIST, Field(min_length=6, max_length=6)]
+Point = Annotated[Sequence[Coordinate], AS_LIST, Field(min_length=3, max_length=3)]
+Matrix3 = Annotated[Sequence[Vector3], AS_LIST, Field(min_length=3, max_length=3)]
 
 #: A name that can stand in a URL as it is.
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,127}$"
@@ -268,28 +284,27 @@ def _one_or_many(value: Any) -> str:
     return "many" if isinstance(value, list) and value and isinstance(value[0], list) else "one"
 
 
-if TYPE_CHECKING:
-    JointVector: TypeAlias = Sequence[float]
-    #: A joint vector, or a list of them.
-    Joints: TypeAlias = Sequence[float] | Sequence[Sequence[float]]
-else:
-    JointVector = Annotated[
-        list[Number],
-        Field(
-            min_length=1,
-            max_length=MAX_JOINTS,
-            description="one number for each joint, in the order of `joint_names`",
-        ),
-    ]
-    Joints = Annotated[
-        Annotated[JointVector, Tag("one")]
-        | Annotated[list[JointVector], Field(min_length=1, max_length=MAX_BATCH), Tag("many")],
-        Discriminator(_one_or_many),
-        Field(
-            description="one configuration, or a list of them: a number for each joint, in the "
-            "order of `joint_names` [rad or m]"
-        ),
-    ]
+JointVector = Annotated[
+    Sequence[Number],
+    AS_LIST,
+    Field(
+        min_length=1,
+        max_length=MAX_JOINTS,
+        description="one number for each joint, in the order of `joint_names`",
+    ),
+]
+_JointRows = Annotated[
+    Sequence[JointVector], AS_LIST, Field(min_length=1, max_length=MAX_BATCH), Tag("many")
+]
+#: A joint vector, or a list of them.
+Joints = Annotated[
+    Annotated[JointVector, Tag("one")] | _JointRows,
+    Discriminator(_one_or_many),
+    Field(
+        description="one configuration, or a list of them: a number for each joint, in the "
+        "order of `joint_names` [rad or m]"
+    ),
+]
 
 
 #: Types of values that stay as they are.

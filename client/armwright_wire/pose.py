@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from pydantic.config import JsonDict
 
 from armwright_wire.base import (
+    AS_LIST,
     Answer,
     Body,
     Coordinate,
@@ -21,19 +22,11 @@ from armwright_wire.base import (
     VectorLike,
     any_given,
     as_json,
-    exactly_one,
     examples,
 )
 
-if TYPE_CHECKING:
-    Quaternion: TypeAlias = Sequence[float]
-    AxisAngle: TypeAlias = Sequence[float]
-    Matrix4: TypeAlias = Sequence[Sequence[float]]
-else:
-    Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
-    AxisAngle = Annotated[list[Number], Field(min_length=4, max_length=4)]
-    _Row4 = Annotated[list[Number], Field(min_length=4, max_length=4)]
-    Matrix4 = Annotated[list[_Row4], Field(min_length=4, max_length=4)]
+Quaternion = Annotated[Sequence[Number], AS_LIST, Field(min_length=4, max_length=4)]
+Matrix4 = Annotated[Sequence[Quaternion], AS_LIST, Field(min_length=4, max_length=4)]
 #: Forms of an orientation on the wire.
 ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle")
 
@@ -131,7 +124,7 @@ class Pose(Body):
     )
     euler_zyz: Vector3 | None = Field(None, description="[phi, theta, psi], R = Rz Ry Rz [rad]")
     rpy: Vector3 | None = Field(None, description="[roll, pitch, yaw], R = Rz Ry Rx [rad]")
-    axis_angle: AxisAngle | None = Field(
+    axis_angle: Quaternion | None = Field(
         None, description="[x, y, z, angle]: about an axis of any length but 0, by an angle [rad]"
     )
     transform: Matrix4 | None = Field(
@@ -316,7 +309,6 @@ class ConvertPoseRequest(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "ConvertPoseRequest":
-        exactly_one(self, self.one_of)
         if self.angular_velocity is not None and self.rotation_rate is not None:
             raise ValueError("give angular_velocity or rotation_rate: one follows from the other")
         return self

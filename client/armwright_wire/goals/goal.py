@@ -16,8 +16,6 @@ from armwright_wire.base import (
     NonNegative,
     Positive,
     VectorLike,
-    check_company,
-    exactly_one,
 )
 from armwright_wire.pose import AnyPose, PoseInFrame
 from armwright_wire.scenes.check import Margin
@@ -57,8 +55,6 @@ class Start(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "Start":
-        exactly_one(self, self.one_of)
-        check_company(self)
         if self.plan is not None and self.at is None:
             raise ValueError("plan needs at: the instant at which its motion is left")
         return self
@@ -95,12 +91,6 @@ class SingleGoal(Body):
         description="how far turned it may end if nothing is right there, 1e-3 if left out [rad]",
     )
 
-    @model_validator(mode="after")
-    def _check_form(self) -> "SingleGoal":
-        exactly_one(self, self.one_of)
-        check_company(self)
-        return self
-
 
 class Goal(SingleGoal):
     """Goal of the motion: one, or any of several."""
@@ -110,12 +100,6 @@ class Goal(SingleGoal):
     any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_GOALS)] | None = Field(
         None, description="goals of which one is to be reached"
     )
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "Goal":
-        exactly_one(self, self.one_of)
-        check_company(self)
-        return self
 
     @classmethod
     def at_state(cls, state: str) -> Self:

@@ -1,12 +1,13 @@
 """Motions of the tool on the wire: lines, arcs and seams of the planner "cartesian"."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 from pydantic.config import JsonDict
 
 from armwright_wire.base import (
+    AS_LIST,
     Answer,
     Beside,
     Body,
@@ -15,7 +16,6 @@ from armwright_wire.base import (
     Point,
     Vector3,
     VectorLike,
-    check_company,
     exactly_one,
     is_given,
 )
@@ -154,10 +154,7 @@ MAX_MOTIONS = 200
 MAX_TIMED_MOTIONS = 3 * MAX_WAYPOINTS + 2
 
 Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
-if TYPE_CHECKING:
-    Ends: TypeAlias = Sequence[float]
-else:
-    Ends = Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
+Ends = Annotated[Sequence[NonNegative], AS_LIST, Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
 
 
 class ToolCurve(Body):
@@ -189,12 +186,10 @@ class ToolCurve(Body):
     @model_validator(mode="after")
     def _check_form(self) -> Self:
         if self.type != "circ":
-            if not (self.via is self.center is self.normal is None):
+            if not (self.via is self.center is None):
                 raise ValueError("via, center and normal belong to motions of type circ")
         elif (self.via is None) == (self.center is None):
             raise ValueError("a motion of type circ needs exactly one of via, center")
-        if self.normal is not None and self.center is None:
-            raise ValueError("normal needs center")
         return self
 
     @classmethod
@@ -326,7 +321,6 @@ class CartesianOptions(Body):
     def _check_seam(self) -> "CartesianOptions":
         if self.waypoints is not None and self.motions is not None:
             raise ValueError("give motions or waypoints, not both")
-        check_company(self)
         return self
 
     def as_options(self) -> dict[str, Any]:

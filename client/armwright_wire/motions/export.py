@@ -15,8 +15,6 @@ from armwright_wire.base import (
     Number,
     Ratio,
     Timeout,
-    check_company,
-    exactly_one,
     examples,
 )
 from armwright_wire.motions.certificate import CertificateAnswer, Premises
@@ -145,8 +143,6 @@ class ExportRequest(WithTool, WithFingers):
 
     @model_validator(mode="after")
     def _check_source(self) -> "ExportRequest":
-        exactly_one(self, self.one_of)
-        check_company(self)
         if self.trajectory is not None and self.robot is None:
             raise ValueError("a trajectory needs robot")
         return self

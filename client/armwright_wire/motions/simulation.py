@@ -2,7 +2,7 @@
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import AliasChoices, ConfigDict, Field, model_validator
+from pydantic import AliasChoices, ConfigDict, Field
 
 from armwright_wire.base import (
     MAX_BATCH,
@@ -21,7 +21,6 @@ from armwright_wire.base import (
     Timeout,
     Vector3,
     Vector6,
-    exactly_one,
     examples,
 )
 from armwright_wire.motions.trajectory import TrajectoryBody
@@ -334,11 +333,6 @@ class SimulateRequest(WithTool):
     allowed_collisions: AllowedCollisions | None = None
     timeout: Timeout | None = None
     seed: Seed = 0
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "SimulateRequest":
-        exactly_one(self, self.one_of)
-        return self
 
 
 class RemainingClearance(Answer):

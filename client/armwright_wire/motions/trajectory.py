@@ -3,11 +3,12 @@
 from bisect import bisect_right
 from collections.abc import Sequence
 from math import ceil, perm
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import ConfigDict, Field, model_validator
 
 from armwright_wire.base import (
+    AS_LIST,
     MAX_JOINTS,
     Answer,
     Body,
@@ -36,17 +37,10 @@ _REST = 1e-7
 _NANOSECONDS = 1_000_000_000
 
 
-if TYPE_CHECKING:
-    Rows: TypeAlias = Sequence[Sequence[float]]
-    JointRow: TypeAlias = Sequence[float]
-    Coefficients: TypeAlias = Sequence[Sequence[float]]
-else:
-    Rows = Annotated[list[JointVector], Field(min_length=1, max_length=MAX_SAMPLES)]
-    JointRow = Annotated[list[Number], Field(max_length=MAX_JOINTS)]
-    Coefficients = Annotated[
-        list[Annotated[list[Number], Field(min_length=1, max_length=MAX_COEFFICIENTS)]],
-        Field(min_length=1, max_length=MAX_JOINTS),
-    ]
+Rows = Annotated[Sequence[JointVector], AS_LIST, Field(min_length=1, max_length=MAX_SAMPLES)]
+JointRow = Annotated[Sequence[Number], AS_LIST, Field(max_length=MAX_JOINTS)]
+_Polynomial = Annotated[Sequence[Number], AS_LIST, Field(min_length=1, max_length=MAX_COEFFICIENTS)]
+Coefficients = Annotated[Sequence[_Polynomial], AS_LIST, Field(min_length=1, max_length=MAX_JOINTS)]
 
 
 class Piece:

@@ -19,8 +19,6 @@ from armwright_wire.base import (
     Number,
     Positive,
     Timeout,
-    check_company,
-    exactly_one,
 )
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
@@ -96,8 +94,6 @@ class Proposal(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "Proposal":
-        exactly_one(self, self.one_of)
-        check_company(self)
         if self.samples is not None and (self.period is None or self.interpolation is None):
             raise ValueError("samples need period and interpolation")
         held = self.joint_velocities is not None or self.twist is not None

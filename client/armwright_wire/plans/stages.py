@@ -1,11 +1,12 @@
 """Stages of tasks on the wire."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from armwright_wire.base import (
+    AS_LIST,
     Beside,
     Body,
     Label,
@@ -17,8 +18,6 @@ from armwright_wire.base import (
     Positive,
     Seed,
     Vector3,
-    check_company,
-    exactly_one,
 )
 from armwright_wire.goals.constraint import Constraints
 from armwright_wire.goals.goal import Goal
@@ -194,12 +193,6 @@ class LineStage(FollowStage):
         None, description="how far from corners the tool may cut them [m]"
     )
 
-    @model_validator(mode="after")
-    def _check_form(self) -> "LineStage":
-        exactly_one(self, self.one_of)
-        check_company(self)
-        return self
-
 
 class ArcStage(FollowStage):
     """A circular motion of the tool to a pose, through a point or about a centre."""
@@ -212,12 +205,6 @@ class ArcStage(FollowStage):
     via: Point | None = Field(None, description="on the arc, in the frame of the pose [m]")
     center: Point | None = Field(None, description="in the frame of the pose [m]")
     normal: Vector3 | None = Field(None, description="to turn about by the right hand")
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "ArcStage":
-        exactly_one(self, self.one_of)
-        check_company(self)
-        return self
 
 
 class SeamStage(StageBody, CartesianOptions):
@@ -274,26 +261,16 @@ class FoundGrasps(Body):
     side: GraspSearch | None = Field(None, description="two fingers, level")
     suction: GraspSearch | None = Field(None, description="a cup on a flat place")
 
-    @model_validator(mode="after")
-    def _check_form(self) -> "FoundGrasps":
-        exactly_one(self, self.one_of)
-        return self
-
 
 def _form_of_grasps(value: object) -> str:
     named = isinstance(value, dict) and not FoundGrasps.model_fields.keys().isdisjoint(value)
     return "found" if named or isinstance(value, FoundGrasps) else "list"
 
 
-if TYPE_CHECKING:
-    # Tuples may be given.
-    Grasps: TypeAlias = Sequence[Pose] | FoundGrasps
-else:
-    Grasps = Annotated[
-        Annotated[list[Pose], Field(min_length=1, max_length=MAX_TARGETS), Tag("list")]
-        | Annotated[FoundGrasps, Tag("found")],
-        Discriminator(_form_of_grasps),
-    ]
+_Listed = Annotated[
+    Sequence[Pose], AS_LIST, Field(min_length=1, max_length=MAX_TARGETS), Tag("list")
+]
+Grasps = Annotated[_Listed | Annotated[FoundGrasps, Tag("found")], Discriminator(_form_of_grasps)]
 
 
 class GraspStage(StageBody):
@@ -316,11 +293,6 @@ class GraspStage(StageBody):
         None, description="what it stands on: they may touch from attach to the end of the lift"
     )
     touch_depth: TouchDepth = TOUCH_DEPTH
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "GraspStage":
-        exactly_one(self, self.one_of)
-        return self
 
 
 class PlaceRegion(Body):
@@ -374,11 +346,6 @@ class PlaceStage(StageBody):
     )
     touch_depth: TouchDepth = TOUCH_DEPTH
 
-    @model_validator(mode="after")
-    def _check_form(self) -> "PlaceStage":
-        exactly_one(self, self.one_of)
-        return self
-
 
 class AttachStage(StageBody):
     """The object becomes a part of the robot, where it stands."""
@@ -395,11 +362,6 @@ class AttachStage(StageBody):
     mass: Positive | None = Field(None, description="for torques [kg]")
     center_of_mass: Point | None = Field(None, description="in the object's frame [m]")
     inertia: Matrix3 | None = Field(None, description="about it, in the object's axes [kg m^2]")
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "AttachStage":
-        check_company(self)
-        return self
 
 
 class DetachStage(StageBody):

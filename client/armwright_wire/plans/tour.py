@@ -20,8 +20,6 @@ from armwright_wire.base import (
     Positive,
     Seed,
     Timeout,
-    check_company,
-    exactly_one,
     examples,
 )
 from armwright_wire.goals.constraint import Constraints
@@ -94,10 +92,8 @@ class TourGoal(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "TourGoal":
-        exactly_one(self, self.one_of)
         if any(goal.velocities or goal.accelerations for goal in self.any_of or ()):
             raise ValueError("a tour rests at its goals: they have no velocities")
-        check_company(self)
         return self
 
 

@@ -16,7 +16,6 @@ from armwright_wire.base import (
     Positive,
     Timeout,
     Vector3,
-    exactly_one,
     examples,
 )
 from armwright_wire.pose import Pose, PoseAnswer
@@ -77,7 +76,6 @@ class CalibrateRequest(WithTool):
 
     @model_validator(mode="after")
     def _check_form(self) -> "CalibrateRequest":
-        exactly_one(self, self.one_of)
         if (self.distances is None) != (self.anchor is None):
             raise ValueError("distances and anchor belong together: give both or neither")
         return self

@@ -19,7 +19,6 @@ from armwright_wire.base import (
     Positive,
     Vector3,
     Vector6,
-    exactly_one,
 )
 from armwright_wire.robots.kinematics import TaskAxes, TaskVector, check_task_vectors
 from armwright_wire.scenes.tool import WithTool
@@ -90,7 +89,6 @@ class WrenchRequest(WithTool):
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
-        exactly_one(self, self.one_of)
         check_task_vectors(self.wrench, self.axes, "wrench")
         return self
 

@@ -14,7 +14,6 @@ from armwright_wire.base import (
     Number,
     Positive,
     Timeout,
-    exactly_one,
     examples,
 )
 from armwright_wire.robots.dynamics import Payload
@@ -59,7 +58,6 @@ class LogBody(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "LogBody":
-        exactly_one(self, self.one_of)
         if (self.currents is None) != (self.gains is None):
             raise ValueError("currents and gains belong together: give both or neither")
         if self.times is not None and self.period is not None:

@@ -26,7 +26,6 @@ from armwright_wire.base import (
     Positive,
     Seed,
     Timeout,
-    check_company,
     distinct,
     exactly_one,
     is_given,
@@ -389,8 +388,6 @@ class VelocityRequest(WithTool):
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
-        exactly_one(self, self.one_of)
-        check_company(self)
         check_task_vectors(self.twist, self.axes, "twist")
         return self
 

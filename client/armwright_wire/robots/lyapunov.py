@@ -2,7 +2,7 @@
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from armwright_wire.base import (
     MAX_BATCH,
@@ -13,8 +13,6 @@ from armwright_wire.base import (
     NonNegative,
     Number,
     Positive,
-    check_company,
-    exactly_one,
     examples,
 )
 
@@ -73,12 +71,6 @@ class LyapunovRequest(Body):
     x: _Row | Annotated[list[_Row], Field(min_length=1, max_length=MAX_BATCH)] | None = Field(
         None, description="a state, or a list of them, at which V and dV/dt are answered"
     )
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "LyapunovRequest":
-        exactly_one(self, self.one_of)
-        check_company(self)
-        return self
 
 
 class FormAnswer(Answer):

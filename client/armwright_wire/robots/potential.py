@@ -1,11 +1,12 @@
 """The artificial potential on the wire."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from armwright_wire.base import (
+    AS_LIST,
     JOINTS_EXAMPLE,
     MAX_BATCH,
     MAX_JOINTS,
@@ -26,12 +27,9 @@ from armwright_wire.scenes.scene import Engine, SceneReference
 from armwright_wire.scenes.tool import WithTool
 
 Weight = Annotated[float, Field(ge=0.0, le=1e9)]
-if TYPE_CHECKING:
-    Weights: TypeAlias = float | Sequence[float]
-    Radii: TypeAlias = float | Sequence[float]
-else:
-    Weights = Weight | Annotated[list[Weight], Field(min_length=1, max_length=MAX_JOINTS)]
-    Radii = NonNegative | Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_JOINTS)]
+_OfJoints = Field(min_length=1, max_length=MAX_JOINTS)
+Weights = Weight | Annotated[Sequence[Weight], AS_LIST, _OfJoints]
+Radii = NonNegative | Annotated[Sequence[NonNegative], AS_LIST, _OfJoints]
 #: Fields answered at once: with all their control points about a megabyte a thousand.
 MAX_FIELDS = MAX_BATCH
 

@@ -1,11 +1,12 @@
 """Reach of an arm on the wire."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from armwright_wire.base import (
+    AS_LIST,
     Answer,
     Body,
     Frame,
@@ -16,7 +17,6 @@ from armwright_wire.base import (
     Positive,
     Seed,
     Timeout,
-    exactly_one,
 )
 from armwright_wire.pose import Pose, PoseAnswer, Quaternion, check_quaternion_norm
 from armwright_wire.scenes.check import AllowedAnswers, AllowedCollisions, AttachedObjects
@@ -31,10 +31,9 @@ MAX_BASES = 10_000
 #: Poses whose configurations are answered where nothing is said about that.
 JOINTS_UP_TO = 10_000
 
-if TYPE_CHECKING:
-    Quaternions: TypeAlias = Sequence[Quaternion]
-else:
-    Quaternions = Annotated[list[Quaternion], Field(min_length=1, max_length=MAX_ORIENTATIONS)]
+Quaternions = Annotated[
+    Sequence[Quaternion], AS_LIST, Field(min_length=1, max_length=MAX_ORIENTATIONS)
+]
 Edge = Annotated[float, Field(ge=0.0, le=1e3)]
 Range = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Rotation = Literal["rx", "ry", "rz"]
@@ -144,7 +143,6 @@ class ReachRequest(WithTool):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        exactly_one(self, self.one_of)
         if self.bases is not None and self.base_region is not None:
             raise ValueError("give bases or base_region, not both")
         if self.frame is not None and (self.bases or self.base_region):

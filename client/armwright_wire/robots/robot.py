@@ -22,7 +22,6 @@ from armwright_wire.base import (
     Positive,
     Vector3,
     any_given,
-    exactly_one,
     examples,
 )
 from armwright_wire.pose import Pose, PoseAnswer
@@ -400,7 +399,6 @@ class RobotBody(RobotFields):
 
     @model_validator(mode="after")
     def _check_form(self) -> "RobotBody":
-        exactly_one(self, self.one_of)
         if self.dh is not None:
             if isinstance(self.calibration, str) or getattr(self.calibration, "file", None):
                 raise ValueError("a maker's calibration belongs to a URDF, not to a dh table")

@@ -1,11 +1,12 @@
 """Objects that the robot holds, pairs that may touch, and collision checks, on the wire."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
+from typing import Annotated, ClassVar
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from armwright_wire.base import (
+    AS_LIST,
     JOINTS_EXAMPLE,
     Answer,
     Beside,
@@ -25,8 +26,6 @@ from armwright_wire.base import (
     Point,
     Positive,
     Timeout,
-    check_company,
-    exactly_one,
 )
 from armwright_wire.pose import Pose
 from armwright_wire.scenes.scene import AllowedItem, SceneReference, Shape
@@ -104,12 +103,6 @@ class Attached(Body):
         None, description="about it, in the object's axes; a point if left out [kg m^2]"
     )
 
-    @model_validator(mode="after")
-    def _check_form(self) -> "Attached":
-        exactly_one(self, self.one_of)
-        check_company(self)
-        return self
-
 
 FingerPositions = Annotated[dict[Label, Number], Field(max_length=MAX_FINGERS)]
 
@@ -124,27 +117,21 @@ class WithFingers(Body):
     )
 
 
-if TYPE_CHECKING:
-    # Tuples may be given.
-    AttachedObjects: TypeAlias = Sequence[Attached]
-else:
-    AttachedObjects = Annotated[
-        list[Attached],
-        Field(max_length=MAX_ATTACHED, description="objects that the robot holds"),
-    ]
-if TYPE_CHECKING:
-    # Tuples may be given.
-    AllowedCollisions: TypeAlias = Sequence[AllowedItem]
-else:
-    AllowedCollisions = Annotated[
-        list[AllowedItem],
-        Field(
-            max_length=MAX_ALLOWED,
-            description="more pairs of links, obstacles and attached objects that may touch, to "
-            "any depth unless they give a `touch_depth`",
-            examples=[[["panda_hand", "table_top"]]],
-        ),
-    ]
+AttachedObjects = Annotated[
+    Sequence[Attached],
+    AS_LIST,
+    Field(max_length=MAX_ATTACHED, description="objects that the robot holds"),
+]
+AllowedCollisions = Annotated[
+    Sequence[AllowedItem],
+    AS_LIST,
+    Field(
+        max_length=MAX_ALLOWED,
+        description="more pairs of links, obstacles and attached objects that may touch, to "
+        "any depth unless they give a `touch_depth`",
+        examples=[[["panda_hand", "table_top"]]],
+    ),
+]
 
 
 Margin = Annotated[

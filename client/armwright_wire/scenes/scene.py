@@ -4,11 +4,12 @@ import base64
 import binascii
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 
 from armwright_wire.base import (
+    AS_LIST,
     Answer,
     Body,
     Coordinate,
@@ -21,7 +22,6 @@ from armwright_wire.base import (
     Vector3,
     any_given,
     distinct,
-    exactly_one,
     examples,
 )
 from armwright_wire.pose import PoseInFrame
@@ -39,10 +39,7 @@ _Face = Annotated[
 _LEAST_NORMAL = 1e-6
 
 
-if TYPE_CHECKING:
-    Edges: TypeAlias = Sequence[float]
-else:
-    Edges = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Edges = Annotated[Sequence[Length], AS_LIST, Field(min_length=3, max_length=3)]
 
 
 class Box(Body):
@@ -206,10 +203,7 @@ MAX_OBSTACLES = 10_000
 _MAX_PAIRS = 100_000
 _MAX_YAML = 16 * 1024 * 1024
 
-if TYPE_CHECKING:
-    Pair: TypeAlias = Sequence[str]
-else:
-    Pair = Annotated[list[Label], Field(min_length=2, max_length=2)]
+Pair = Annotated[Sequence[Label], AS_LIST, Field(min_length=2, max_length=2)]
 
 
 class LimitedPair(Body):
@@ -225,13 +219,10 @@ def _form_of_pair(value: object) -> str:
     return "limited" if isinstance(value, dict | LimitedPair) else "pair"
 
 
-if TYPE_CHECKING:
-    AllowedItem: TypeAlias = Sequence[str] | LimitedPair
-else:
-    AllowedItem = Annotated[
-        Annotated[Pair, Tag("pair")] | Annotated[LimitedPair, Tag("limited")],
-        Discriminator(_form_of_pair),
-    ]
+AllowedItem = Annotated[
+    Annotated[Pair, Tag("pair")] | Annotated[LimitedPair, Tag("limited")],
+    Discriminator(_form_of_pair),
+]
 
 
 class Obstacle(Body):
@@ -280,11 +271,6 @@ class Scene(Body):
     def _check_ids(cls, value: list[Obstacle] | None) -> list[Obstacle] | None:
         distinct([obstacle.id for obstacle in value or ()], "obstacle")
         return value
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "Scene":
-        exactly_one(self, self.one_of)
-        return self
 
 
 class NamedScene(Scene):

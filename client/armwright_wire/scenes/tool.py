@@ -2,7 +2,7 @@
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from armwright_wire.base import (
     Answer,
@@ -17,8 +17,6 @@ from armwright_wire.base import (
     Point,
     Positive,
     Vector3,
-    check_company,
-    exactly_one,
     examples,
 )
 from armwright_wire.pose import Pose
@@ -177,12 +175,6 @@ class Tool(Body):
         None, examples=[[0.0, 0.085]], description="least and largest distance of the fingers [m]"
     )
     speed: Positive | None = Field(None, description="largest rate of the opening [m/s]")
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "Tool":
-        exactly_one(self, self.one_of)
-        check_company(self)
-        return self
 
 
 class NamedTool(Tool):

@@ -165,10 +165,10 @@ RULES: dict[str, Rule] = {
         ToolMotion,
         [LINE, ARC, CIRCLE, without(CIRCLE, ("normal",))],
         [(LINE | {"via": [0.0] * 3}, CIRC), (LINE | {"center": [0.0] * 3}, CIRC),
-         (LINE | {"normal": [0.0, 0.0, 1.0]}, CIRC),
+         (LINE | {"normal": [0.0, 0.0, 1.0]}, "normal belongs to center"),
          (LINE | {"type": "circ"}, "exactly one of via, center"),
          (ARC | {"center": [0.0] * 3}, "exactly one of via, center"),
-         (ARC | {"normal": [0.0, 0.0, 1.0]}, "normal needs center")],
+         (ARC | {"normal": [0.0, 0.0, 1.0]}, "normal belongs to center")],
     ),
     "timed tool motions have an end each": (
         TimedToolMotions,
