@@ -2,8 +2,8 @@
 
 import json
 import shlex
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
@@ -125,61 +125,45 @@ def _models(value: Any) -> set[str]:
     return set()
 
 
-def plan_code(url: str, state: StudioState) -> tuple[str, str]:
-    """The plan request as Python and as curl.
+class _Kind(NamedTuple):
+    """Kind of plan: its request, and how the client and the service are asked for it.
 
     Args:
-        url: Address of the service.
-        state: State of the studio.
+        request: Makes the request of a state.
+        method: Method of the client.
+        path: Path of the endpoint.
+        places: Fields that the method takes by position, after the robot.
     """
-    request = plan_request(state, keep=False)
-    return _program(url, state.robot, "plan", request, ("start", "goal")), curl(
-        url, "/v1/plan", request
-    )
+
+    request: Callable[..., Request]
+    method: str
+    path: str
+    places: tuple[str, ...]
 
 
-def task_code(url: str, state: StudioState) -> tuple[str, str]:
-    """The request of the task as Python and as curl.
-
-    Args:
-        url: Address of the service.
-        state: State of the studio.
-    """
-    request = task_request(state, keep=False)
-    program = _program(url, state.robot, "plan_task", request, ("start", "stages"))
-    return program, curl(url, "/v1/tasks", request)
+_KINDS = {
+    "plan": _Kind(plan_request, "plan", "/v1/plan", ("start", "goal")),
+    "task": _Kind(task_request, "plan_task", "/v1/tasks", ("start", "stages")),
+    "tour": _Kind(tour_request, "plan_tour", "/v1/tours", ("goals",)),
+    "tool path": _Kind(path_request, "plan", "/v1/plan", ("start", "goal")),
+}
 
 
-def tour_code(url: str, state: StudioState) -> tuple[str, str]:
-    """The request of the tour as Python and as curl.
+def plan_code(url: str, state: StudioState, kind: str = "plan") -> tuple[str, str]:
+    """The request of a plan as Python and as curl.
 
     Args:
         url: Address of the service.
         state: State of the studio.
+        kind: "plan", "task", "tour" or "tool path".
 
     Raises:
-        ValueError: There are no two goals.
+        ValueError: There are no two goals of the tour, or waypoints of the tool path.
     """
-    request = tour_request(state, keep=False)
-    return _program(url, state.robot, "plan_tour", request, ("goals",)), curl(
-        url, "/v1/tours", request
-    )
-
-
-def path_code(url: str, state: StudioState) -> tuple[str, str]:
-    """The request of the tool path as Python and as curl.
-
-    Args:
-        url: Address of the service.
-        state: State of the studio.
-
-    Raises:
-        ValueError: There are no two waypoints.
-    """
-    request = path_request(state, keep=False)
-    return _program(url, state.robot, "plan", request, ("start", "goal")), curl(
-        url, "/v1/plan", request
-    )
+    made = _KINDS[kind]
+    request = made.request(state, keep=False)
+    program = _program(url, state.robot, made.method, request, made.places)
+    return program, curl(url, made.path, request)
 
 
 def ik_code(url: str, state: StudioState, tip: Pose) -> str:
@@ -202,16 +186,12 @@ def all_code(url: str, state: StudioState, tip: Pose) -> str:
         tip: Pose of the tip at the goal, in the root frame.
     """
     parts = []
-    for word, makes, entries in (
-        ("task", task_code, state.stages),
-        ("tour", tour_code, state.goals),
-        ("tool path", path_code, state.waypoints),
-    ):
-        if entries:
-            try:
-                parts.append(f"The {word}:\n\n```python\n{makes(url, state)[0]}```")
-            except ValueError as error:  # pydantic's, too
-                parts.append(f"The {word} is not valid yet: {error}")
+    lists = {"task": state.stages, "tour": state.goals, "tool path": state.waypoints}
+    for kind in (kind for kind, entries in lists.items() if entries):
+        try:
+            parts.append(f"The {kind}:\n\n```python\n{plan_code(url, state, kind)[0]}```")
+        except ValueError as error:  # pydantic's, too
+            parts.append(f"The {kind} is not valid yet: {error}")
     try:
         python, shell = plan_code(url, state)
     except ValueError as error:  # a setting out of its range

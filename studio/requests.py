@@ -62,16 +62,11 @@ def plan_request(state: StudioState, *, keep: bool = True) -> PlanRequest:
         pydantic.ValidationError: A setting is out of its range.
     """
     return PlanRequest(
+        **_common(state, keep),
         robot=state.robot,
-        tool=state.tool,
-        start=Start(joints=state.start),
         goal=goal_of(state),
-        scene=scene_of(state),
-        attached=_attached(state),
         fingers=dict(state.fingers) or None,
         constraints=[dict(entry) for entry in state.constraints] or None,
-        keep=keep or None,
-        **_nested(state.settings),
     )
 
 
@@ -85,24 +80,16 @@ def task_request(state: StudioState, *, keep: bool = True) -> TaskRequest:
     Raises:
         pydantic.ValidationError: A stage or a setting is not as the API has it.
     """
-    settings = {
-        path: value for path, value in state.settings.items() if path.partition(".")[0] in _OF_TASKS
-    }
     # Read from JSON: of what kind a stage is, and that its fields are right, the model finds out.
     stages = [dict(entry) for entry in state.stages]
     read = TaskRequest.model_validate_json(
         json.dumps({"robot": state.robot, "start": {"joints": [*state.start]}, "stages": stages})
     )
     return TaskRequest(
+        **_common(state, keep, _OF_TASKS),
         robot=state.robot,
-        tool=state.tool,
-        start=read.start,
         stages=read.stages,
-        scene=scene_of(state),
-        attached=_attached(state),
         fingers=dict(state.fingers) or None,
-        keep=keep or None,
-        **_nested(settings),
     )
 
 
@@ -121,19 +108,7 @@ def tour_request(state: StudioState, *, keep: bool = True) -> TourRequest:
         raise ValueError("a tour has two goals or more: add them first")
     body = {"robot": state.robot, "goals": [dict(entry) for entry in state.goals]}
     read = TourRequest.model_validate_json(json.dumps({**body, **state.tour_options}))
-    settings = {
-        path: value for path, value in state.settings.items() if path.partition(".")[0] in _OF_TOURS
-    }
-    fields = set_fields(read)
-    return TourRequest(
-        **fields,
-        tool=state.tool,
-        start=Start(joints=state.start),
-        scene=scene_of(state),
-        attached=_attached(state),
-        keep=keep or None,
-        **_nested(settings),
-    )
+    return TourRequest(**set_fields(read), **_common(state, keep, _OF_TOURS))
 
 
 def path_request(state: StudioState, *, keep: bool = True) -> PlanRequest:
@@ -193,6 +168,31 @@ def ik_request(state: StudioState, pose: Pose) -> IkRequest:
     )
 
 
+def _common(
+    state: StudioState, keep: bool, settings: Sequence[str] | None = None
+) -> dict[str, Any]:
+    """Fields that all requests for motions have: tool, start, surroundings and settings.
+
+    Args:
+        state: State of the studio.
+        keep: Whether the service keeps request and answer.
+        settings: Settings that the request takes, by the first word of their path; None for all.
+    """
+    taken = {
+        path: value
+        for path, value in state.settings.items()
+        if settings is None or path.partition(".")[0] in settings
+    }
+    return {
+        "tool": state.tool,
+        "start": Start(joints=state.start),
+        "scene": scene_of(state),
+        "attached": _attached(state),
+        "keep": keep or None,
+        **_nested(taken),
+    }
+
+
 def _attached(state: StudioState) -> list[Attached] | None:
     """Obstacles that are carried from the start, where the link has closed on them."""
     carried = [
@@ -236,66 +236,26 @@ def attempt(state: StudioState, action: Callable[[], Outcome]) -> Outcome:
         return Failure(state, "The service did not answer", str(error))
 
 
-def plan_motion(client: Client, state: StudioState) -> Planned:
-    """A motion from start to goal.
+def plan(client: Client, state: StudioState, kind: str) -> Outcome:
+    """What was asked for, planned by the service.
 
     Args:
         client: Client that asks the service.
         state: State of the studio.
+        kind: "motion", "task", "tour" or "tool path".
 
     Raises:
-        ApiError: There is none.
+        ApiError: There is no such motion.
+        ValueError: There are no two goals of the tour, or waypoints of the tool path.
     """
-    return _planned(client, state, plan_request(state))
-
-
-def plan_tool_path(client: Client, state: StudioState) -> Planned:
-    """A motion of the tool along the waypoints.
-
-    Args:
-        client: Client that asks the service.
-        state: State of the studio.
-
-    Raises:
-        ApiError: There is none.
-        ValueError: There are no two waypoints.
-    """
-    return _planned(client, state, path_request(state))
-
-
-def plan_task(client: Client, state: StudioState) -> TaskPlanned:
-    """The stages of the task as one, from the start on.
-
-    Args:
-        client: Client that asks the service.
-        state: State of the studio.
-
-    Raises:
-        ApiError: There is no way through them.
-    """
-    request = task_request(state)
-    options = set_fields(request, without=("robot", "start", "stages"))
-    return TaskPlanned(
-        state, client.plan_task(request.robot, request.start, request.stages, **options)
-    )
-
-
-def plan_tour(client: Client, state: StudioState) -> TourPlanned:
-    """The goals of the tour in the order that takes the least time, from the start on.
-
-    Args:
-        client: Client that asks the service.
-        state: State of the studio.
-
-    Raises:
-        ApiError: There is no such tour.
-        ValueError: There are no two goals.
-    """
-    request = tour_request(state)
-    options = set_fields(request, without=("robot", "goals"))
-    return TourPlanned(state, client.plan_tour(request.robot, request.goals, **options))
-
-
-def _planned(client: Client, state: StudioState, request: PlanRequest) -> Planned:
-    options = set_fields(request, without=("robot", "start", "goal"))
-    return Planned(state, client.plan(request.robot, request.start, request.goal, **options))
+    if kind == "task":
+        task = task_request(state)
+        options = set_fields(task, without=("robot", "start", "stages"))
+        return TaskPlanned(state, client.plan_task(task.robot, task.start, task.stages, **options))
+    if kind == "tour":
+        tour = tour_request(state)
+        options = set_fields(tour, without=("robot", "goals"))
+        return TourPlanned(state, client.plan_tour(tour.robot, tour.goals, **options))
+    motion = path_request(state) if kind == "tool path" else plan_request(state)
+    options = set_fields(motion, without=("robot", "start", "goal"))
+    return Planned(state, client.plan(motion.robot, motion.start, motion.goal, **options))

@@ -33,11 +33,8 @@ from studio.pose import stays_in
 from studio.requests import (
     attempt,
     ik_request,
-    plan_motion,
+    plan,
     plan_request,
-    plan_task,
-    plan_tool_path,
-    plan_tour,
     set_fields,
 )
 from studio.result import (
@@ -382,24 +379,14 @@ class Workbench:
 
     # --------------------------------------------------------------------------------- plans
 
-    def plan(self) -> Outcome:
-        """Plan from start to goal; a motion with its certificate, or a failure explained."""
-        self.outcome = attempt(self.state, lambda: plan_motion(self.client, self.state))
-        return self.outcome
+    def plan(self, kind: Literal["motion", "task", "tour", "tool path"] = "motion") -> Outcome:
+        """Plan from the start on; motions with their certificates, or a failure explained.
 
-    def plan_task(self) -> Outcome:
-        """Plan the stages of the task as one, from the start on."""
-        self.outcome = attempt(self.state, lambda: plan_task(self.client, self.state))
-        return self.outcome
-
-    def plan_tour(self) -> Outcome:
-        """Plan the goals of the tour in the best order, from the start on."""
-        self.outcome = attempt(self.state, lambda: plan_tour(self.client, self.state))
-        return self.outcome
-
-    def plan_tool_path(self) -> Outcome:
-        """Plan a motion of the tool along the waypoints, from the start on."""
-        self.outcome = attempt(self.state, lambda: plan_tool_path(self.client, self.state))
+        Args:
+            kind: "motion" to the goal, the stages of the "task" as one, the goals of the "tour" in
+                the best order, or the "tool path" along the waypoints.
+        """
+        self.outcome = attempt(self.state, lambda: plan(self.client, self.state, kind))
         return self.outcome
 
     def pin(self) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any, Literal
 
@@ -279,18 +280,15 @@ class LocalBackend:
         body: dict[str, Any],
     ) -> bytes:
         """The answer to a request that may name a scene, which is prepared."""
-        validate_as(_load(endpoint.model), body)
-        arguments: list[Any] = []
-        if endpoint.takes_robot:
-            found = None if robot is None else self._reference(robot)
-            kept = body.get("plan")
-            asked = kept["request"] if isinstance(kept, dict) else body
-            arguments.append(found and replace(found, mount=mount_of(asked, _no_tool)))
-        if endpoint.takes_scene:
-            arguments.append(scene)
-        arguments.append(json.dumps(body).encode())
+        validate_as(_load(f"armwright_wire.{endpoint.model}"), body)
+        task = _load(f"service.endpoints.{endpoint.task}")
+        found = None if robot is None else self._reference(robot)
+        kept = body.get("plan")
+        asked = kept["request"] if isinstance(kept, dict) else body
+        mounted = found and replace(found, mount=mount_of(asked, _no_tool))
+        given = {"robot": mounted, "scene": scene, "content": json.dumps(body).encode()}
+        arguments = [given[name] for name in signature(task.function).parameters if name in given]
         seconds = body.get("timeout") or Settings.model_fields["default_timeout"].default
-        task = _load(endpoint.task)
         with Console(stderr=True).status("starting") as status:
             current.begin(Deadline.after(seconds), lambda _, stage: status.update(stage))
             try:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import Literal
 
 from armwright_client import Obstacle
 from studio.page.entries_panel import EntriesPanel, FieldsPanel
@@ -65,7 +66,7 @@ class TaskPanel:
 
     def _plan(self) -> None:
         with planning(self._page, self._text, self.button):
-            self._outcome = self._page.workbench.plan_task()
+            self._outcome = self._page.workbench.plan("task")
 
     def _add_ready(self, word: str) -> None:
         workbench = self._page.workbench
@@ -128,7 +129,7 @@ class PathsPanel:
                 )
         with gui.add_folder("Tool path"):
             self._path = gui.add_button("Plan the tool path", color="blue")
-            self._path.on_click(lambda _: page.queue.put("plan", partial(self._plan, "path")))
+            self._path.on_click(lambda _: page.queue.put("plan", partial(self._plan, "tool path")))
             self._waypoints = EntriesPanel(
                 page,
                 "waypoint",
@@ -161,9 +162,7 @@ class PathsPanel:
     def _writer(self, name: str) -> Callable[[Entries, str | None], None]:
         return partial(self._page.workbench.set_entries, name)
 
-    def _plan(self, which: str) -> None:
-        workbench = self._page.workbench
+    def _plan(self, which: Literal["tour", "tool path"]) -> None:
         button = self._tour if which == "tour" else self._path
-        ask = workbench.plan_tour if which == "tour" else workbench.plan_tool_path
         with planning(self._page, self._text, button):
-            self._outcome = ask()
+            self._outcome = self._page.workbench.plan(which)

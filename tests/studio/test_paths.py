@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from armwright_client import Pose
-from studio.code import path_code, tour_code
+from studio.code import plan_code
 from studio.motion_frames import motion_frames, tour_frames
 from studio.page.studio_page import StudioPage, serve_page
 from studio.result import Failure, Planned, TaskPlanned, TourPlanned
@@ -19,7 +19,7 @@ from tests.service.robots import ASIDE, HOME
 
 
 def test_a_tour_is_planned_played_and_exported(workbench: Workbench) -> None:
-    refused = workbench.plan_tour()
+    refused = workbench.plan("tour")
     assert isinstance(refused, Failure)
     assert "two goals" in refused.detail
     workbench.set_start(HOME)
@@ -32,7 +32,7 @@ def test_a_tour_is_planned_played_and_exported(workbench: Workbench) -> None:
     workbench.set_entries("goals", tuple(goals))
     workbench.set_option("tour", "end", "start")
     workbench.set_option("tour", "rounds", 0)
-    outcome = workbench.plan_tour()
+    outcome = workbench.plan("tour")
     assert isinstance(outcome, TourPlanned), outcome
     assert {*outcome.plan.order} == {"aside", "1"}
     assert all(leg.certificate.verified for leg in outcome.plan.legs)
@@ -52,7 +52,7 @@ def test_a_tour_is_planned_played_and_exported(workbench: Workbench) -> None:
         np.testing.assert_allclose(before[-1]["positions"], after[0]["positions"], atol=1e-6)
     printed = io.StringIO()
     with redirect_stdout(printed):
-        exec(compile(tour_code(workbench.url, workbench.state)[0], "shown", "exec"), {})
+        exec(compile(plan_code(workbench.url, workbench.state, "tour")[0], "shown", "exec"), {})
     rows = [line.split()[:2] for line in printed.getvalue().splitlines()]
     assert rows == [[str(leg.origin), str(leg.target)] for leg in outcome.plan.legs]
     page = StudioPage(serve_page(0), workbench)
@@ -62,7 +62,7 @@ def test_a_tour_is_planned_played_and_exported(workbench: Workbench) -> None:
     finally:
         page.close()
     workbench.set_entries("goals", ({"joints": [0.0]}, {"pose": {"position": [3.0, 0.0, 0.0]}}))
-    assert isinstance(workbench.plan_tour(), Failure)
+    assert isinstance(workbench.plan("tour"), Failure)
 
 
 def test_a_tool_path_is_planned_and_played(workbench: Workbench) -> None:
@@ -73,7 +73,7 @@ def test_a_tool_path_is_planned_and_played(workbench: Workbench) -> None:
     workbench.set_entries("waypoints", tuple(pose_entry(pose) for pose in poses))
     workbench.set_option("path", "tool_speed", 0.05)
     workbench.set_option("path", "tolerance", {"free": ["rz"]})
-    outcome = workbench.plan_tool_path()
+    outcome = workbench.plan("tool path")
     assert isinstance(outcome, Planned), outcome
     assert outcome.plan.planner == "cartesian"
     assert outcome.plan.certificate.verified
@@ -85,7 +85,7 @@ def test_a_tool_path_is_planned_and_played(workbench: Workbench) -> None:
     on_way = tips[int(distances[0].argmin()) : int(distances[2].argmin()) + 1]
     off = np.minimum(np.abs(on_way[:, 0] - 0.45), np.abs(on_way[:, 1] - 0.1))
     assert off.max() < 1e-3
-    python, curl = path_code(workbench.url, workbench.state)
+    python, curl = plan_code(workbench.url, workbench.state, "tool path")
     assert "planner='cartesian'" in python
     assert "tool_speed" in curl
     assert workbench.export("csv").content
@@ -98,7 +98,7 @@ def test_stages_that_are_passed_are_exported_as_one_motion(workbench: Workbench)
     on = [0.4, -0.2, 0.3, -1.5, 0.2, 1.2, -0.3]
     goals = [{"kind": "move", "goal": {"joints": joints}} for joints in (ASIDE, on, HOME)]
     workbench.set_entries("stages", ({**goals[0], "blend": 0.3}, *goals[1:]))
-    outcome = workbench.plan_task()
+    outcome = workbench.plan("task")
     assert isinstance(outcome, TaskPlanned), outcome
     assert [stage.passes for stage in outcome.plan.stages] == [True, False, False]
     exported = workbench.export("joint_trajectory_json")

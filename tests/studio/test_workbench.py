@@ -14,7 +14,7 @@ import trimesh
 from armwright_client import Box, Mesh, NotFound, Pose
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from studio.code import ik_code, plan_code, task_code
+from studio.code import ik_code, plan_code
 from studio.motion_frames import LinkPoses, motion_frames, task_frames
 from studio.page.studio_page import StudioPage, serve_page
 from studio.pose import rotation
@@ -219,7 +219,7 @@ def test_a_task_is_edited_planned_and_played(workbench: Workbench) -> None:
     assert "panda_link5" not in links
     tip = Pose.from_rpy([0.5, -0.2, 0.3], 3.14159265, 0.0, 0.0)
     workbench.set_entries("stages", (*pick_stages(crate, links), *place_stages(crate, tip)))
-    outcome = workbench.plan_task()
+    outcome = workbench.plan("task")
     assert isinstance(outcome, TaskPlanned), outcome
     assert all(stage.certificate.verified for stage in outcome.plan.stages)
     assert workbench.view_url() == f"{workbench.url}/v1/plans/{outcome.plan_id}/view"
@@ -246,7 +246,7 @@ def test_a_task_is_edited_planned_and_played(workbench: Workbench) -> None:
         points = files[name]["points"]
         np.testing.assert_allclose(points[0]["positions"], end, atol=1e-6)
         end = points[-1]["positions"]
-    python, curl = task_code(workbench.url, workbench.state)
+    python, curl = plan_code(workbench.url, workbench.state, "task")
     printed = io.StringIO()
     with redirect_stdout(printed):
         exec(compile(python, "shown", "exec"), {})
@@ -261,7 +261,7 @@ def test_stages_and_constraints_that_do_not_fit_are_failures_in_words(
     workbench: Workbench,
 ) -> None:
     workbench.set_entries("stages", ({"kind": "approach"},))
-    outcome = workbench.plan_task()
+    outcome = workbench.plan("task")
     assert isinstance(outcome, Failure)
     assert "distance" in outcome.detail
     workbench.set_entries("constraints", ({"type": "orientation", "cone_angle": -1.0},))
@@ -338,7 +338,7 @@ def test_fingers_are_set_and_move(workbench: Workbench) -> None:
     python, _ = plan_code(workbench.url, workbench.state)
     assert "fingers={'claw_left': 0.03}" in python.replace('"', "'")
     workbench.set_entries("stages", ({"kind": "open"}, {"kind": "move", "goal": {"joints": ASIDE}}))
-    task = workbench.plan_task()
+    task = workbench.plan("task")
     assert isinstance(task, TaskPlanned), task
     seen = opening(task_frames(workbench, task).links)
     assert seen[0] == pytest.approx(0.06)
