@@ -25,8 +25,7 @@ from planning.proof.premises import Premises
 from planning.values.deadline import Deadline
 from planning.values.limits import RATIO_TOLERANCE, MotionLimits
 
-#: Sign that begins a comment; JSON has none.
-_SIGNS = {ExportFormat.RAPID: "!", ExportFormat.KRL: ";"}
+#: The rules in words.
 RULES = {
     Rule.QUINTIC: "quintic polynomials through positions, velocities and accelerations",
     Rule.CUBIC: "cubic polynomials through positions and velocities",
@@ -35,25 +34,11 @@ RULES = {
 }
 _STAND = "The arm stands at the first point, within the tolerance, when the motion begins."
 _TRACKING = "Tracking errors of the drives, beyond the joint tolerance named here."
-_ROS = "Other settings of joint_trajectory_controller than interpolation_method: splines."
-_TABLE = "A reader of the table that interpolates in another way."
-_SERVOJ = (
-    "The smoothing of servoj by lookahead_time and gain, which is not published: only the "
-    "setpoints and the lines between them are proved."
-)
-_PROPORTION = "Axes that do not keep step between two points, so that the leg is not straight."
 _BLEND = (
     "Corners that are cut outside of the triangle, in joint space, of where the controller leaves "
     "the leg, the point, and where it meets the next leg: their shape is not published."
 )
 _CELL = "What the cell's own procedures do: gripper_to, take_... and its inputs and outputs."
-_PARTS = {
-    ExportFormat.CSV: (_TABLE,),
-    ExportFormat.URSCRIPT_SERVOJ: (_SERVOJ,),
-    ExportFormat.URSCRIPT_MOVEJ: (),
-    ExportFormat.RAPID: (_PROPORTION,),
-    ExportFormat.KRL: (_PROPORTION,),
-}
 
 
 def unproved_parts(
@@ -66,7 +51,7 @@ def unproved_parts(
         certificates: Certificates of the controller's motions.
         program: Whether the file has stages in which the cell does something.
     """
-    parts = (*_PARTS.get(options.format, (_ROS,)), _TRACKING)
+    parts = (*options.traits.gaps, _TRACKING)
     if options.blend:
         parts = (_BLEND, *parts)
     if options.is_path:
@@ -116,26 +101,12 @@ def allowed_lines(certificate: Certificate) -> list[str]:
 
 def signed(options: ExportOptions, lines: Sequence[str]) -> list[str]:
     """Lines as comments of a format."""
-    sign = _SIGNS.get(options.format, "#")
-    return [f"{sign} {plain(line)}" for line in lines]
+    return [f"{options.traits.sign} {plain(line)}" for line in lines]
 
 
 def plain(text: str) -> str:
     """Text on one line in printable ASCII: names of robots and obstacles are anybody's."""
     return re.sub(r"[^ -~]", "?", text)
-
-
-#: Endings of the files.
-ENDINGS = {
-    ExportFormat.JOINT_TRAJECTORY_JSON: "json",
-    ExportFormat.JOINT_TRAJECTORY_YAML: "yaml",
-    ExportFormat.ROS2_CONTROL: "yaml",
-    ExportFormat.CSV: "csv",
-    ExportFormat.URSCRIPT_SERVOJ: "script",
-    ExportFormat.URSCRIPT_MOVEJ: "script",
-    ExportFormat.RAPID: "mod",
-    ExportFormat.KRL: "src",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +209,7 @@ def export(
         InvalidOption: The robot or the number of points does not fit the format, nothing says where
             the flange of a blend is; or the motion was proved for another robot, scene or load.
     """
-    formats.check_axes(robot.chain, options.format)
+    formats.check_axes(robot.chain, options)
     if premises is not None and not different_scene:
         check_premises(premises, Premises.of_cell(robot, scene, margin))
     place = Place(robot, scene, margin)
@@ -249,7 +220,7 @@ def export(
     head = comments(options, run, proved, unproved)
     return Export(
         text=file_text(robot, run, options, head),
-        file_name=f"{options.name}.{ENDINGS[options.format]}",
+        file_name=options.file_name,
         rule=run.points.rule,
         motion=run.motion,
         certificate=certificate,
@@ -399,7 +370,7 @@ def language_of(chain: Chain, options: ExportOptions) -> Language:
     """The language that programs of a format are in."""
     if options.format == ExportFormat.RAPID:
         return Rapid(options)
-    return Krl(options) if options.format == ExportFormat.KRL else URScript(chain, options)
+    return Krl(options) if options.format == ExportFormat.KRL else URScript(options, chain)
 
 
 def joint_tolerance(robot: RobotGeometry, clearance: float) -> float | None:

@@ -1,9 +1,10 @@
-"""Messages of ROS 2 and tables; and the robots that each format fits."""
+"""Messages and programs of ROS 2 and tables; and the robots that each format fits."""
 
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,15 +13,12 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain, JointType
 from kinematics.trajectory.export import NANOSECONDS
-from planning.exports.options import ExportFormat
+from planning.exports.languages import Language, WrittenMotion
+from planning.exports.options import Event, ExportFormat, ExportOptions
 from planning.exports.points import ExportPoints
 
 _COLUMNS = ("position", "velocity", "acceleration")
 _FIELDS = ("positions", "velocities", "accelerations")
-#: Joints of a URScript motion, and of the robot's own axes in RAPID and KRL.
-ROBOT_AXES = 6
-#: Axes beyond the robot's own in RAPID and KRL.
-EXTRA_AXES = 6
 
 
 def table(joint_names: Sequence[str], points: ExportPoints) -> list[str]:
@@ -97,15 +95,15 @@ def goal_yaml(
     """
     message = message_yaml(joint_names, points, frame_id)
     lines = ["trajectory:", *(f"  {line}" for line in message)]
-    for field in ("path_tolerance", "goal_tolerance"):
+    for name in ("path_tolerance", "goal_tolerance"):
         if tolerance is None:
-            lines.append(f"{field}: []")
+            lines.append(f"{name}: []")
             continue
-        lines.append(f"{field}:")
+        lines.append(f"{name}:")
         lines += [
-            f"- {{name: {json.dumps(name)}, position: {yaml_number(tolerance)}, "
+            f"- {{name: {json.dumps(joint)}, position: {yaml_number(tolerance)}, "
             "velocity: 0.0, acceleration: 0.0}"
-            for name in joint_names
+            for joint in joint_names
         ]
     # How late the arm may be at the goal of an action [s].
     return [*lines, f"goal_time_tolerance: {{sec: {1}, nanosec: 0}}"]
@@ -122,27 +120,127 @@ def _numbers(row: Array) -> str:
     return ", ".join(yaml_number(value) for value in np.asarray(row).tolist())
 
 
-def check_axes(chain: Chain, format_: ExportFormat) -> None:
+def check_axes(chain: Chain, options: ExportOptions) -> None:
     """Refuse a robot whose joints a program can't name.
 
     Raises:
         InvalidOption: It has other joints than the language's motions take.
     """
-    programs = (ExportFormat.URSCRIPT_SERVOJ, ExportFormat.URSCRIPT_MOVEJ)
-    takes_six = format_ in programs
-    if not takes_six and format_ not in (ExportFormat.RAPID, ExportFormat.KRL):
+    takes, name = options.traits.joints, options.format.value
+    if takes is None:
         return
-    fits = chain.n == ROBOT_AXES if takes_six else chain.n <= ROBOT_AXES + EXTRA_AXES
-    count = "6" if takes_six else f"at most {ROBOT_AXES + EXTRA_AXES}"
-    if not fits:
-        raise InvalidOption(
-            f"format: {format_.value} moves {count} joints, robot {chain.name!r} has {chain.n}",
-            hint="Choose joint_trajectory_yaml, ros2_control or csv.",
-        )
+    other = "Choose joint_trajectory_yaml, ros2_control or csv."
+    if chain.n not in takes:
+        count = str(takes[0]) if len(takes) == 1 else f"at most {takes[-1]}"
+        message = f"format: {name} moves {count} joints, robot {chain.name!r} has {chain.n}"
+        raise InvalidOption(message, hint=other)
     slides = np.flatnonzero(np.asarray(chain.joint_types) == JointType.PRISMATIC)
     if len(slides):
-        raise InvalidOption(
-            f"format: {format_.value} is written for turning joints, "
-            f"{chain.joint_names[int(slides[0])]!r} slides",
-            hint="Choose joint_trajectory_yaml, ros2_control or csv.",
-        )
+        slide = chain.joint_names[int(slides[0])]
+        message = f"format: {name} is written for turning joints, {slide!r} slides"
+        raise InvalidOption(message, hint=other)
+
+
+@dataclass(slots=True)
+class RosSteps(Language):
+    """Steps of ROS 2: a mapping each, of one key that says what it is.
+
+    Args:
+        names: Names of the joints.
+        tolerance: Tracking error of goals [rad or m]; None for the controller's own.
+    """
+
+    names: Sequence[str]
+    tolerance: float | None
+
+    def motion(self, motion: WrittenMotion) -> list[str]:  # noqa: D102
+        frame = self.options.frame_id
+        if self._is_json:
+            message = message_json(self.names, motion.points, frame)
+            return [f'{{"trajectory": {message.rstrip()}}}']
+        if self.options.format == ExportFormat.ROS2_CONTROL:
+            lines = goal_yaml(self.names, motion.points, frame, self.tolerance)
+            return ["- follow_joint_trajectory:", *(f"    {line}" for line in lines)]
+        lines = message_yaml(self.names, motion.points, frame)
+        return ["- trajectory:", *(f"    {line}" for line in lines)]
+
+    def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:  # noqa: D102
+        return self._step("gripper", {"positions": dict(positions), "duration": duration})
+
+    def event(self, event: Event) -> list[str]:  # noqa: D102
+        value = event.value if event.kind == "set" else bool(event.value)
+        return self._step(event.kind, {"port": self.port(event), "value": value})
+
+    def wait(self, seconds: float) -> list[str]:  # noqa: D102
+        return self._step("wait", {"duration": seconds})
+
+    def call(self, name: str, *values: float) -> list[str]:  # noqa: ARG002, D102
+        return self._step("call", {"name": name})
+
+    def note(self, text: str) -> str:  # noqa: D102
+        return self._step("note", {"text": text})[0] if self._is_json else f"# {text}"
+
+    def program(self, head: Sequence[str], lines: Sequence[str]) -> list[str]:  # noqa: D102
+        if self._is_json:
+            return ['{"steps": [', ",\n".join(lines), "]}"]
+        return [*head, "steps:", *lines]
+
+    def _step(self, kind: str, content: dict[str, Any]) -> list[str]:
+        text = json.dumps({kind: content})
+        return [text] if self._is_json else [f"- {text}"]
+
+    @property
+    def _is_json(self) -> bool:
+        return self.options.format == ExportFormat.JOINT_TRAJECTORY_JSON
+
+
+@dataclass(slots=True)
+class Table(Language):
+    """One table: rows in time, with where the fingers stand and what the cell does.
+
+    Args:
+        names: Names of the joints.
+        fingers_at: Positions of fingers at the beginning [rad or m].
+    """
+
+    names: Sequence[str]
+    fingers_at: dict[str, float]
+    _time: float = 0.0
+    _last: list[str] = field(default_factory=list)
+    _header: str = ""
+    NOTE = "# {}"
+
+    def motion(self, motion: WrittenMotion) -> list[str]:  # noqa: D102
+        header, *rows = table(self.names, motion.points)
+        self._header = self._header or header
+        split = [row.split(",") for row in rows]
+        began = self._time
+        lines = []
+        for row in split[1:] if self._last else split:
+            self._time, self._last = began + float(row[0]), row[1:]
+            lines.append(self._row(""))
+        return lines
+
+    def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:  # noqa: D102
+        begins = self._row("gripper")
+        self.fingers_at.update(positions)
+        return [begins, *self.wait(duration)]
+
+    def event(self, event: Event) -> list[str]:  # noqa: D102
+        sign = "==" if event.kind == "wait_for" else "="
+        return [self._row(f"{event.kind} {self.port(event)} {sign} {float(event.value):g}")]
+
+    def wait(self, seconds: float) -> list[str]:  # noqa: D102
+        self._time += seconds
+        return [self._row("")]
+
+    def call(self, name: str, *values: float) -> list[str]:  # noqa: ARG002, D102
+        return [self._row(name)]
+
+    def program(self, head: Sequence[str], lines: Sequence[str]) -> list[str]:  # noqa: D102
+        columns = [self._header, *(f"gripper.{name}" for name in self.fingers_at), "event"]
+        return [*head, ",".join(columns), *lines]
+
+    def _row(self, event: str) -> str:
+        values = [repr(at) for at in self.fingers_at.values()]
+        return ",".join([repr(self._time), *self._last, *values, event])

@@ -5,10 +5,11 @@ time they take, and ``take_...`` for each tool. The cell has these procedures.
 """
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -16,8 +17,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from obstacles.robots.tool import PART
-from planning.exports.formats import EXTRA_AXES, ROBOT_AXES
-from planning.exports.options import Event, ExportFormat, ExportOptions
+from planning.exports.options import EXTRA_AXES, ROBOT_AXES, Event, ExportFormat, ExportOptions
 from planning.exports.points import ExportPoints, single_degrees
 
 #: An axis that a RAPID joint target leaves out.
@@ -44,37 +44,75 @@ class WrittenMotion(NamedTuple):
     rests: bool = True
 
 
-class Language(Protocol):
-    """Lines of a program, part by part."""
+@dataclass(slots=True)
+class Language(ABC):
+    """Lines of a program, part by part.
 
-    def begin(self, start: Array, tolerance: float | None) -> list[str]:
+    Args:
+        options: Options of the export.
+    """
+
+    options: ExportOptions
+    #: Lines that call a procedure with values, that let time pass, and that are a comment.
+    CALL: ClassVar[str]
+    WAIT: ClassVar[str]
+    NOTE: ClassVar[str]
+
+    def begin(self, start: Array, tolerance: float | None) -> list[str]:  # noqa: ARG002
         """Lines that stop the program unless the arm is at its start.
 
         Args:
             start: First point, shape (n,) [rad].
             tolerance: How far off each joint may be by the proof [rad]; None where none is proved.
         """
+        return []
 
+    @abstractmethod
     def motion(self, motion: WrittenMotion) -> list[str]:
         """Lines of a motion from where the one before ended."""
 
     def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:
         """Lines that bring fingers to positions [rad or m] within a time [s]."""
+        return self.call("gripper_to", *positions.values(), duration)
 
+    @abstractmethod
     def event(self, event: Event) -> list[str]:
         """Lines that switch, set or wait for something."""
 
     def wait(self, seconds: float) -> list[str]:
         """Lines that let time pass."""
+        return [self.WAIT.format(repr(seconds))]
 
-    def call(self, name: str) -> list[str]:
-        """Lines that call a procedure of the cell."""
+    def call(self, name: str, *values: float) -> list[str]:
+        """Lines that call a procedure of the cell with values."""
+        return [self.CALL.format(name, ", ".join(map(repr, values)))]
 
     def note(self, text: str) -> str:
         """A comment, of one line of ASCII."""
+        return self.NOTE.format(text)
 
+    @abstractmethod
     def program(self, head: Sequence[str], lines: Sequence[str]) -> list[str]:
         """The program with its comments and lines."""
+
+    def port(self, event: Event) -> int | str:
+        """The number or name of the output or input of an event in the controller."""
+        return self.options.ports.get(str(event.port), event.port)
+
+    def port_number(self, event: Event, least: int = 0) -> int:
+        """The number of the output or input of an event.
+
+        Raises:
+            InvalidOption: It has a name that no number is given for, or a number that there is not.
+        """
+        port = self.port(event)
+        if not isinstance(port, int) or port < least:
+            raise InvalidOption(
+                f"ports: {event.port!r} has no number in {self.options.format.value}, from {least} "
+                "on",
+                hint='Give one: "ports": {"spindle": 2}.',
+            )
+        return port
 
 
 def procedure(tip: str) -> str:
@@ -82,32 +120,16 @@ def procedure(tip: str) -> str:
     return f"take_{re.sub('[^A-Za-z0-9]', '_', tip.partition(PART)[0])[:19]}"
 
 
-def port_number(event: Event, options: ExportOptions, least: int = 0) -> int:
-    """The number of the output or input of an event.
-
-    Raises:
-        InvalidOption: It has a name that no number is given for, or a number that there is not.
-    """
-    port = options.ports.get(str(event.port), event.port)
-    if not isinstance(port, int) or port < least:
-        raise InvalidOption(
-            f"ports: {event.port!r} has no number in {options.format.value}, from {least} on",
-            hint='Give one: "ports": {"spindle": 2}.',
-        )
-    return port
-
-
 @dataclass(slots=True)
-class URScript:
+class URScript(Language):
     """Programs of Universal Robots: joint motions, or streams of setpoints.
 
     Args:
         chain: Chain of six joints.
-        options: Options of the export.
     """
 
     chain: Chain
-    options: ExportOptions
+    CALL, WAIT, NOTE = "  {}({})", "  sleep({})", "  # {}"
 
     def begin(self, start: Array, tolerance: float | None) -> list[str]:  # noqa: D102
         lines = _start_check(start, tolerance)
@@ -136,12 +158,8 @@ class URScript:
             for row, radius in zip(rows[1:], corners[1:].tolist(), strict=True)
         ]
 
-    def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:  # noqa: D102
-        values = ", ".join(repr(x) for x in (*positions.values(), duration))
-        return [f"  gripper_to({values})"]
-
     def event(self, event: Event) -> list[str]:  # noqa: D102
-        port = port_number(event, self.options)
+        port = self.port_number(event)
         if event.kind == "set":
             return [f"  set_standard_analog_out({port}, {float(event.value)!r})"]
         value = bool(event.value)
@@ -149,15 +167,6 @@ class URScript:
             return [f"  set_standard_digital_out({port}, {value})"]
         waits = f"  while get_standard_digital_in({port}) != {value}:"
         return [waits, "    sync()", "  end"]
-
-    def wait(self, seconds: float) -> list[str]:  # noqa: D102
-        return [f"  sleep({seconds!r})"]
-
-    def call(self, name: str) -> list[str]:  # noqa: D102
-        return [f"  {name}()"]
-
-    def note(self, text: str) -> str:  # noqa: D102
-        return f"  # {text}"
 
     def program(self, head: Sequence[str], lines: Sequence[str]) -> list[str]:  # noqa: D102
         return [*head, f"def {self.options.name}():", *lines, "end"]
@@ -168,16 +177,12 @@ class URScript:
 
 
 @dataclass(slots=True)
-class Rapid:
-    """Modules of ABB's controllers, of MoveAbsJ; six joints, and six more as external axes.
+class Rapid(Language):
+    """Modules of ABB's controllers, of MoveAbsJ; six joints, and six more as external axes."""
 
-    Args:
-        options: Options of the export.
-    """
-
-    options: ExportOptions
     _zones: dict[str, str] = field(default_factory=dict)
     _began: bool = False
+    CALL, WAIT, NOTE = "    {} {};", "    WaitTime {};", "    ! {}"
 
     def begin(self, start: Array, tolerance: float | None) -> list[str]:  # noqa: D102
         own, extra = "now.robax.rax_{}", "now.extax.eax_{}"
@@ -209,26 +214,16 @@ class Rapid:
         self._zones[name] = f"  CONST zonedata {name} := [FALSE, {size}];"
         return name
 
-    def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:  # noqa: D102
-        values = ", ".join(repr(x) for x in (*positions.values(), duration))
-        return [f"    gripper_to {values};"]
-
     def event(self, event: Event) -> list[str]:  # noqa: D102
         kind = {"signal": ("SetDO", "do"), "set": ("SetAO", "ao"), "wait_for": ("WaitDI", "di")}
         word, prefix = kind[event.kind]
-        port = self.options.ports.get(str(event.port), event.port)
+        port = self.port(event)
         name = f"{prefix}{port}" if isinstance(port, int) else re.sub(r"\W", "_", str(port))[:32]
         value = float(event.value) if event.kind == "set" else int(bool(event.value))
         return [f"    {word} {name}, {value!r};"]
 
-    def wait(self, seconds: float) -> list[str]:  # noqa: D102
-        return [f"    WaitTime {seconds!r};"]
-
-    def call(self, name: str) -> list[str]:  # noqa: D102
-        return [f"    {name};"]
-
-    def note(self, text: str) -> str:  # noqa: D102
-        return f"    ! {text}"
+    def call(self, name: str, *values: float) -> list[str]:  # noqa: D102
+        return [line.replace(" ;", ";") for line in Language.call(self, name, *values)]
 
     def program(self, head: Sequence[str], lines: Sequence[str]) -> list[str]:  # noqa: D102
         name = self.options.name
@@ -239,15 +234,11 @@ class Rapid:
 
 
 @dataclass(slots=True)
-class Krl:
-    """Programs of KUKA's controllers, of PTP motions; six joints, and six more as external axes.
+class Krl(Language):
+    """Programs of KUKA's controllers, of PTP motions; six joints, and six more as external axes."""
 
-    Args:
-        options: Options of the export.
-    """
-
-    options: ExportOptions
     _began: bool = False
+    CALL, WAIT, NOTE = "{}({})", "WAIT SEC {}", "; {}"
 
     def begin(self, start: Array, tolerance: float | None) -> list[str]:  # noqa: D102
         axes = self._axes(len(start))
@@ -270,26 +261,13 @@ class Krl:
             lines.append(f"PTP {{{values}}}{' C_PTP' if percent else ''}")
         return lines
 
-    def fingers(self, positions: Mapping[str, float], duration: float) -> list[str]:  # noqa: D102
-        values = ", ".join(repr(x) for x in (*positions.values(), duration))
-        return [f"gripper_to({values})"]
-
     def event(self, event: Event) -> list[str]:  # noqa: D102
-        port = port_number(event, self.options, 1)
+        port = self.port_number(event, 1)
         if event.kind == "set":
             return [f"$ANOUT[{port}] = {float(event.value)!r}"]
         if event.kind == "signal":
             return [f"$OUT[{port}] = {'TRUE' if event.value else 'FALSE'}"]
         return [f"WAIT FOR {'' if event.value else 'NOT '}$IN[{port}]"]
-
-    def wait(self, seconds: float) -> list[str]:  # noqa: D102
-        return [f"WAIT SEC {seconds!r}"]
-
-    def call(self, name: str) -> list[str]:  # noqa: D102
-        return [f"{name}()"]
-
-    def note(self, text: str) -> str:  # noqa: D102
-        return f"; {text}"
 
     def program(self, head: Sequence[str], lines: Sequence[str]) -> list[str]:  # noqa: D102
         percent = max(1, min(100, int(100.0 * self.options.speed)))

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from kinematics.errors import InvalidOption
 
@@ -31,17 +31,51 @@ class Rule(StrEnum):
     STRAIGHT_LEGS = "straight_legs"
 
 
-#: Formats that give the points of a path; the controller times them itself.
-PATH_FORMATS = frozenset({ExportFormat.URSCRIPT_MOVEJ, ExportFormat.RAPID, ExportFormat.KRL})
-#: Formats whose reader interpolates by what is given of each point.
-SPLINE_FORMATS = frozenset(
-    {
-        ExportFormat.JOINT_TRAJECTORY_JSON,
-        ExportFormat.JOINT_TRAJECTORY_YAML,
-        ExportFormat.ROS2_CONTROL,
-        ExportFormat.CSV,
-    }
+class FormatTraits(NamedTuple):
+    """Traits of a format.
+
+    Args:
+        kind: "spline" where the reader interpolates by what is given of each point, "stream" for
+            setpoints, and "path" where the controller times the points itself.
+        ending: Ending of the files.
+        gaps: Sentences on what a proof by the format's rule leaves open.
+        sign: Sign that begins a comment; JSON has none.
+        joints: Numbers of joints that its motions can have; None for any.
+    """
+
+    kind: Literal["spline", "stream", "path"]
+    ending: str
+    gaps: tuple[str, ...] = ()
+    sign: str = "#"
+    joints: range | None = None
+
+
+#: Joints of a URScript motion, and of the robot's own axes in RAPID and KRL.
+ROBOT_AXES = 6
+#: Axes beyond the robot's own in RAPID and KRL.
+EXTRA_AXES = 6
+_ROS = ("Other settings of joint_trajectory_controller than interpolation_method: splines.",)
+_SERVOJ = (
+    "The smoothing of servoj by lookahead_time and gain, which is not published: only the "
+    "setpoints and the lines between them are proved."
 )
+_PROPORTION = ("Axes that do not keep step between two points, so that the leg is not straight.",)
+_SIX, _TWELVE = range(ROBOT_AXES, ROBOT_AXES + 1), range(1, ROBOT_AXES + EXTRA_AXES + 1)
+#: Traits of the formats.
+TRAITS = {
+    ExportFormat.JOINT_TRAJECTORY_JSON: FormatTraits("spline", "json", _ROS),
+    ExportFormat.JOINT_TRAJECTORY_YAML: FormatTraits("spline", "yaml", _ROS),
+    ExportFormat.ROS2_CONTROL: FormatTraits("spline", "yaml", _ROS),
+    ExportFormat.CSV: FormatTraits(
+        "spline", "csv", ("A reader of the table that interpolates in another way.",)
+    ),
+    ExportFormat.URSCRIPT_SERVOJ: FormatTraits("stream", "script", (_SERVOJ,), joints=_SIX),
+    ExportFormat.URSCRIPT_MOVEJ: FormatTraits("path", "script", joints=_SIX),
+    ExportFormat.RAPID: FormatTraits("path", "mod", _PROPORTION, "!", _TWELVE),
+    ExportFormat.KRL: FormatTraits("path", "src", _PROPORTION, ";", _TWELVE),
+}
+#: Formats that give the points of a path.
+PATH_FORMATS = frozenset(one for one, traits in TRAITS.items() if traits.kind == "path")
 #: Names that URScript, RAPID and KRL all take (KRL has up to 24 characters).
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,23}")
 
@@ -115,12 +149,27 @@ class ExportOptions:
                 raise InvalidOption(f"{quantity}: must be positive")
 
     @property
+    def traits(self) -> FormatTraits:
+        """Traits of the format."""
+        return TRAITS[self.format]
+
+    @property
     def is_path(self) -> bool:
         """Whether the file holds a path that the controller times."""
-        return self.format in PATH_FORMATS
+        return self.traits.kind == "path"
+
+    @property
+    def is_spline(self) -> bool:
+        """Whether the reader of the file interpolates by what is given of each point."""
+        return self.traits.kind == "spline"
+
+    @property
+    def file_name(self) -> str:
+        """The program's name with the ending of the format."""
+        return f"{self.name}.{self.traits.ending}"
 
     def _check_interpolation(self, interpolation: str) -> None:
-        if self.format not in SPLINE_FORMATS:
+        if not self.is_spline:
             raise InvalidOption(
                 f"interpolation: the format {self.format.value!r} has its own",
                 hint="Leave interpolation out.",

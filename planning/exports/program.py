@@ -21,7 +21,6 @@ from obstacles.scenes.scene import AllowedContact
 from planning.exports import formats
 from planning.exports.corners import lever_arms
 from planning.exports.export import (
-    ENDINGS,
     RULES,
     Place,
     ProvedRun,
@@ -34,9 +33,8 @@ from planning.exports.export import (
     unproved_parts,
 )
 from planning.exports.languages import Language, WrittenMotion, procedure
-from planning.exports.options import SPLINE_FORMATS, Event, ExportFormat, ExportOptions, Rule
+from planning.exports.options import Event, ExportFormat, ExportOptions, Rule
 from planning.exports.points import single_degrees
-from planning.exports.steps import RosSteps, Table
 from planning.proof.certificate import Certificate, certify
 from planning.proof.gripper import certify_gripper
 from planning.proof.premises import Premises
@@ -165,7 +163,7 @@ def export_program(
         InvalidOption: A robot or the number of points does not fit the format; the parts do not
             join or do not move; a name has no number; or a part was proved for something else.
     """
-    formats.check_axes(parts[0].place.robot.chain, options.format)
+    formats.check_axes(parts[0].place.robot.chain, options)
     _check_joins(parts)
     rounds = options.format in (ExportFormat.RAPID, ExportFormat.KRL)
     for part in parts:
@@ -204,7 +202,7 @@ def export_program(
     text = _text(runs, proved, options, head, tolerance)
     return Program(
         text=text,
-        file_name=f"{options.name}.{ENDINGS[options.format]}",
+        file_name=options.file_name,
         rule=next(iter(proved.values())).points.rule,
         parts=made,
         proved=is_proved,
@@ -229,7 +227,7 @@ def _check_joins(parts: Sequence[ProgramPart]) -> None:
 def _runs(parts: Sequence[ProgramPart], options: ExportOptions) -> Iterator[list[ProgramPart]]:
     """Parts that a controller carries out as one motion, or that stand, in order."""
     for stands, group in groupby(parts, key=lambda part: part.stands):
-        if stands or options.format not in SPLINE_FORMATS:
+        if stands or not options.is_spline:
             yield from ([part] for part in group)
         else:
             yield [*group]
@@ -269,9 +267,9 @@ def _text(
     names = robot.chain.joint_names
     language: Language
     if options.format == ExportFormat.CSV:
-        language = Table(names, dict(robot.fingers.positions), options)
-    elif options.format in SPLINE_FORMATS:
-        language = RosSteps(names, options, tolerance)
+        language = formats.Table(options, names, dict(robot.fingers.positions))
+    elif options.is_spline:
+        language = formats.RosSteps(options, names, tolerance)
     else:
         language = language_of(robot.chain, options)
     first = next(iter(proved.values()))

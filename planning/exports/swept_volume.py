@@ -22,6 +22,7 @@ from kinematics.trajectory.trajectory import Trajectory
 from obstacles.convex.hull import Hull, convex_hull
 from obstacles.convex.triangles import Triangles, corners, join
 from obstacles.robots.robot_geometry import RobotGeometry
+from planning.exports.corners import arms, pieces_beyond
 
 #: Points about a ball of radius 1 whose hull holds it: an octahedron.
 _ABOUT_A_BALL = np.sqrt(3.0) * np.vstack([np.eye(3), -np.eye(3)])
@@ -122,14 +123,6 @@ def _lever_arms(motion: Trajectory, robot: RobotGeometry, tree: BodyTree) -> Arr
     """The farthest that a point can be from each joint that carries it, shape (bodies,) [m]."""
     extrema = motion.extrema()
     largest = tree.positions(np.maximum(np.abs(extrema.minimum), np.abs(extrema.maximum)))
-    lengths = tree.lengths + np.where(tree.slides, largest, 0.0)
-    levers = np.zeros(len(lengths))
-    for piece, joint in zip(robot.pieces, robot.joints, strict=True):
-        center, radius = piece.bounding_sphere()
-        farthest, k = float(np.linalg.norm(center)) + radius, int(joint)
-        while k >= 0:
-            levers[k] = max(levers[k], farthest)
-            farthest += float(lengths[k])
-            k = int(tree.parents[k])
+    levers = arms(tree, pieces_beyond(robot), largest)
     # A point moves as far as its slide does: a lever of one.
     return np.where(tree.slides, np.maximum(levers, 1.0), levers)
