@@ -6,7 +6,7 @@ Of links in the frame of the base or of another link; regions of space are in ``
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +23,7 @@ from planning.constraints.kinds.frames import (
     vector,
     weight,
 )
-from planning.constraints.kinds.region import BoxRegion, Region
+from planning.constraints.kinds.region import AXES, BoxRegion, Region
 from planning.constraints.row import Row, RowKind, Unit
 
 
@@ -40,14 +40,10 @@ class ClearanceConstraint:
 
     margin: float
     weight: None = None
+    name: ClassVar[str] = "clearance"
 
     def __post_init__(self) -> None:
         tolerance(self.margin, "margin", 1e6)
-
-    @property
-    def name(self) -> str:
-        """Name of the constraint."""
-        return "clearance"
 
     def rows(self, chain: Chain) -> list[Row]:  # noqa: ARG002  distances need the scene
         """None: distances need the scene."""
@@ -67,15 +63,11 @@ class ToolSpeedConstraint:
 
     limit: float
     weight: None = None
+    name: ClassVar[str] = "tool speed"
 
     def __post_init__(self) -> None:
         if not 0.0 < self.limit < np.inf:
             raise InvalidGoal(f"the tool speed limit is {self.limit}; it must be positive [m/s]")
-
-    @property
-    def name(self) -> str:
-        """Name of the constraint."""
-        return "tool speed"
 
     def rows(self, chain: Chain) -> list[Row]:  # noqa: ARG002  a speed needs time
         """None: a speed needs time."""
@@ -95,15 +87,11 @@ class TorqueConstraint:
 
     limits: Sequence[float] | None = None
     weight: None = None
+    name: ClassVar[str] = "torque"
 
     def __post_init__(self) -> None:
         if self.limits is not None and not all(limit > 0.0 for limit in self.limits):
             raise InvalidGoal("torque limits must be positive [N m or N]")
-
-    @property
-    def name(self) -> str:
-        """Name of the constraint."""
-        return "torque"
 
     def rows(self, chain: Chain) -> list[Row]:
         """None: torques need the dynamics.
@@ -213,9 +201,6 @@ class PositionConstraint:
         return self.region.rows(at, at.point(np.asarray(self.point)))
 
 
-_AXES = "xyz"
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class ConeConstraint:
     """An axis of a link stays within a cone: angle(R a, d) <= cone_angle.
@@ -258,8 +243,9 @@ class ConeConstraint:
             InvalidGoal: The link does not move against the reference.
         """
         at = Attachment.of(chain, self.link, self.reference_link)
-        axis, direction = np.asarray(self.axis), np.asarray(self.direction)
-        return [angle_row(at, axis, self.cone_angle, "the cone", direction=direction)]
+        axis, direction = at.axis(np.asarray(self.axis)), at.direction(np.asarray(self.direction))
+        bounds = -np.inf, self.cone_angle
+        return [at.row(RowKind.ANGLE, bounds, "the cone", "rad", axis=axis, direction=direction)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -307,61 +293,16 @@ class OrientationConstraint:
         return rotation_rows(at, self.rotation, np.asarray(self.axis_tolerances))
 
 
-def angle_row(
-    at: Attachment,
-    axis: Array,
-    most: float,
-    label: str,
-    *,
-    direction: Array | None = None,
-    sight: tuple[Array, Array] | None = None,
-) -> Row:
-    """A row that keeps a link's axis within an angle of a direction, or of a line of sight.
-
-    Args:
-        at: The link.
-        axis: Axis of the link, shape (3,).
-        most: The angle [rad].
-        label: Description of the bound in words.
-        direction: Direction in the link that it is seen from, shape (3,).
-        sight: Line of sight in its place: a point of the link and the target in the link it is seen
-            from.
-    """
-    row = partial(
-        Row,
-        carrier=at.carrier,
-        reference=at.reference,
-        lower=-np.inf,
-        upper=most,
-        unit="rad",
-        axis=at.axis(axis),
-        label=label,
-    )
-    if sight is not None:
-        point, target = sight
-        return row(kind=RowKind.LOOK, point=at.point(point), center=at.place(target))
-    assert direction is not None
-    return row(kind=RowKind.ANGLE, direction=at.direction(direction))
-
-
 def rotation_rows(at: Attachment, rotation: Array, limits: Array) -> list[Row]:
     """Rows that hold each component of the rotation left to a target within its limit."""
     K, M = at.turn(rotation)
     return [
-        Row(
-            RowKind.ROTATION,
-            at.carrier,
-            at.reference,
-            -float(limits[i]),
-            float(limits[i]),
-            "rad",
-            axis=M[:, i],
-            turn=K,
-            label=f"the turn about {_AXES[i]}",
+        at.row(
+            RowKind.ROTATION, (-float(limits[i]), float(limits[i])), f"the turn about {AXES[i]}",
+            "rad", axis=M[:, i], turn=K,
         )
-        for i in range(3)
-        if limits[i] < math.pi
-    ]
+        for i in range(3) if limits[i] < math.pi
+    ]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -409,8 +350,13 @@ class LookAtConstraint:
             InvalidGoal: The link does not move against the reference.
         """
         at = Attachment.of(chain, self.link, self.reference_link)
-        sight = np.asarray(self.point), np.asarray(self.target)
-        return [angle_row(at, np.asarray(self.axis), self.angle, "the line of sight", sight=sight)]
+        vectors = {
+            "axis": at.axis(np.asarray(self.axis)),
+            "point": at.point(np.asarray(self.point)),
+            "center": at.place(np.asarray(self.target)),
+        }
+        bounds = -np.inf, self.angle
+        return [at.row(RowKind.LOOK, bounds, "the line of sight", "rad", **vectors)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,6 +11,7 @@ from kinematics.errors import InvalidGoal
 from kinematics.model.branch import require_on_chain
 from kinematics.model.chain import Chain
 from kinematics.pose import inverse
+from planning.constraints.row import Row, RowKind, Unit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +73,22 @@ class Attachment:
     def direction(self, direction: Array) -> Array:
         """A direction that the link it is seen from knows, in the reference's frame."""
         return np.asarray(self.T_reference_link[:3, :3] @ direction)
+
+    def row(
+        self, kind: RowKind, bounds: tuple[float, float], label: str, unit: Unit = "m", /,
+        **vectors: Array,
+    ) -> Row:  # fmt: skip
+        """A row between this link and the one it is seen from.
+
+        Args:
+            kind: The function.
+            bounds: Least and largest value [unit].
+            label: Description of the bound in words.
+            unit: "rad" or "m".
+            vectors: Vectors of the row by name, in the frames of the joints.
+        """
+        lower, upper = bounds
+        return Row(kind, self.carrier, self.reference, lower, upper, unit, label=label, **vectors)
 
     def turn(self, rotation: Array) -> tuple[Array, Array]:
         """K and M of log(R_target^T R) = M^T log(K X) for a rotation that is aimed at, (3, 3).

@@ -10,7 +10,7 @@ from kinematics.errors import InvalidGoal
 from planning.constraints.kinds.frames import Attachment, tolerance, unit, vector
 from planning.constraints.row import Row, RowKind
 
-_AXES = "xyz"
+AXES = "xyz"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,22 +39,15 @@ class BoxRegion:
 
     def rows(self, at: Attachment, point: Array) -> list[Row]:
         """A row for each pair of faces."""
+        center = at.place(self.T[:3, 3])
         return [
-            Row(
-                RowKind.COORDINATE,
-                at.carrier,
-                at.reference,
-                -0.5 * self.size[i],
-                0.5 * self.size[i],
-                "m",
-                point=point,
-                center=at.place(self.T[:3, 3]),
+            at.row(
+                RowKind.COORDINATE, (-0.5 * self.size[i], 0.5 * self.size[i]),
+                f"the box along its {AXES[i]}", point=point, center=center,
                 direction=at.direction(self.T[:3, i]),
-                label=f"the box along its {_AXES[i]}",
             )
-            for i in range(3)
-            if np.isfinite(self.size[i])
-        ]
+            for i in range(3) if np.isfinite(self.size[i])
+        ]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,20 +71,8 @@ class SphereRegion:
 
     def rows(self, at: Attachment, point: Array) -> list[Row]:
         """One row."""
-        center = at.place(np.asarray(self.center))
-        return [
-            Row(
-                RowKind.DISTANCE,
-                at.carrier,
-                at.reference,
-                -np.inf,
-                self.radius,
-                "m",
-                point=point,
-                center=center,
-                label="the sphere",
-            )
-        ]
+        center, bounds = at.place(np.asarray(self.center)), (-np.inf, self.radius)
+        return [at.row(RowKind.DISTANCE, bounds, "the sphere", point=point, center=center)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,20 +99,9 @@ class PlaneRegion:
 
     def rows(self, at: Attachment, point: Array) -> list[Row]:
         """One row."""
-        return [
-            Row(
-                RowKind.COORDINATE,
-                at.carrier,
-                at.reference,
-                -self.tolerance,
-                self.tolerance,
-                "m",
-                point=point,
-                center=at.place(np.asarray(self.point)),
-                direction=at.direction(np.asarray(self.normal)),
-                label="the plane",
-            )
-        ]
+        center, normal = at.place(np.asarray(self.point)), at.direction(np.asarray(self.normal))
+        bounds, vectors = (-self.tolerance, self.tolerance), {"center": center, "direction": normal}
+        return [at.row(RowKind.COORDINATE, bounds, "the plane", point=point, **vectors)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,36 +134,11 @@ class LineRegion:
     def rows(self, at: Attachment, point: Array) -> list[Row]:
         """One row, or two where the line has a length."""
         center, along = at.place(np.asarray(self.point)), at.direction(np.asarray(self.direction))
-        rows = [
-            Row(
-                RowKind.DISTANCE,
-                at.carrier,
-                at.reference,
-                -np.inf,
-                self.tolerance,
-                "m",
-                point=point,
-                center=center,
-                direction=along,
-                label="the line",
-            )
-        ]
+        vectors = {"point": point, "center": center, "direction": along}
+        rows = [at.row(RowKind.DISTANCE, (-np.inf, self.tolerance), "the line", **vectors)]
         if self.length is not None:
-            half = 0.5 * self.length
-            rows.append(
-                Row(
-                    RowKind.COORDINATE,
-                    at.carrier,
-                    at.reference,
-                    -half,
-                    half,
-                    "m",
-                    point=point,
-                    center=center,
-                    direction=along,
-                    label="the line's length",
-                )
-            )
+            ends = -0.5 * self.length, 0.5 * self.length
+            rows.append(at.row(RowKind.COORDINATE, ends, "the line's length", **vectors))
         return rows
 
 
