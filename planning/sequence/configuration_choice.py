@@ -133,9 +133,9 @@ class LimitAvoidance:
         task: The stages.
         cells: Cells that were put together.
         finder: Knows the configurations of all targets.
+        costs: Costs of the configurations.
         leaf: The last node of the combination.
         stages: Plans of the stages, in order.
-        weights: Weights of what configurations cost.
         deadline: The end of everything.
         replaced: Replacement of a configuration at a limit, by the number of its stage.
     """
@@ -143,9 +143,9 @@ class LimitAvoidance:
     task: Task
     cells: Cells
     finder: TargetFinder
+    costs: ConfigurationCosts
     leaf: Node
     stages: tuple[StagePlan, ...]
-    weights: GoalCosts
     deadline: Deadline
     replaced: dict[int, Replacement] = field(default_factory=dict)
 
@@ -232,7 +232,7 @@ class LimitAvoidance:
             found += [
                 (node.target, q)
                 for q in configurations_off_limits(
-                    chain, checker, node.target.T, begin, self.task.seed, self.weights
+                    chain, checker, node.target.T, begin, self.task.seed, self.costs.weights
                 )
             ]
         if not found:
@@ -279,6 +279,43 @@ class LimitAvoidance:
             return node.target._replace(joints=q), q
         return node.target, node.joints
 
+    # ---------------------------------------------------------------------------- the answer
+
+    def with_configurations(self) -> tuple[StagePlan, ...]:
+        """The plans of the stages, those of poses with the configuration that was chosen."""
+        chosen: dict[int, ChosenConfiguration] = {}
+        for node, segment in zip(self.leaf.path[1:], self.task.segments, strict=False):
+            if node.target is not None and node.target.T is not None and segment.target is not None:
+                chosen[segment.target] = self._chosen(node, segment, segment.target)
+        return tuple(
+            replace(stage, configuration=chosen[stage.index]) if stage.index in chosen else stage
+            for stage in self.stages
+        )
+
+    def _chosen(self, node: Node, segment: Segment, k: int) -> ChosenConfiguration:
+        parent, finder = node.parent, self.finder
+        assert parent is not None
+        assert parent.onward_joints is not None
+        assert segment.free is not None
+        world = before_target(self.task, segment, parent)
+        rows = [
+            finder.find(k, world, batch, parent.history, self.deadline).joints
+            for batch in range(parent.batches or 1)
+        ]
+        found = np.concatenate(rows)
+        if not (found == node.joints).all(axis=1).any():
+            found = np.concatenate(
+                [found, node.joints[None]]
+            )  # It took the place of one at a limit.
+        chain, options = world.robot.chain, self.task.stages[segment.free].settings.options
+        begin = parent.onward_joints
+        return chosen_configuration(
+            chain, found, node.joints, begin,
+            motion_times(chain, begin, found, scaled_limits(chain, options)),
+            self.costs.clearance(finder.cell(k, world).checker, node.joints),
+            self.costs.weights, self.replaced.get(k),
+        )  # fmt: skip
+
 
 def _is_at_limit(node: Node) -> bool:
     """Whether a node is one whose choice has the arm rest at a joint limit."""
@@ -294,68 +331,3 @@ def _is_same(step: Step, known: Step) -> bool:
     same = np.array_equal(step.start, known.start) and np.array_equal(step.end, known.end)
     worlds = step.world.key == known.world.key and step.after.key == known.after.key
     return same and worlds and step.allowed == known.allowed
-
-
-def with_configurations(
-    task: Task,
-    finder: TargetFinder,
-    costs: ConfigurationCosts,
-    leaf: Node,
-    stages: tuple[StagePlan, ...],
-    replaced: dict[int, Replacement],
-    deadline: Deadline,
-) -> tuple[StagePlan, ...]:
-    """The plans of a combination, those of poses with the configuration that was chosen.
-
-    Args:
-        task: The stages.
-        finder: Knows the configurations of all targets.
-        costs: Costs of the configurations.
-        leaf: The last node of the combination.
-        stages: Plans of the stages, in order.
-        replaced: Replacement of a configuration at a limit, by the number of its stage.
-        deadline: The end of everything.
-    """
-    chosen: dict[int, ChosenConfiguration] = {}
-    for node, segment in zip(leaf.path[1:], task.segments, strict=False):
-        if node.target is None or node.target.T is None or segment.target is None:
-            continue
-        chosen[segment.target] = _configuration(
-            task, finder, costs, node, segment, replaced.get(segment.target), deadline
-        )
-    return tuple(
-        replace(stage, configuration=chosen[stage.index]) if stage.index in chosen else stage
-        for stage in stages
-    )
-
-
-def _configuration(
-    task: Task,
-    finder: TargetFinder,
-    costs: ConfigurationCosts,
-    node: Node,
-    segment: Segment,
-    replacement: Replacement | None,
-    deadline: Deadline,
-) -> ChosenConfiguration:
-    parent, k = node.parent, segment.target
-    assert parent is not None
-    assert parent.onward_joints is not None
-    assert k is not None
-    assert segment.free is not None
-    world = before_target(task, segment, parent)
-    rows = [
-        finder.find(k, world, batch, parent.history, deadline).joints
-        for batch in range(parent.batches or 1)
-    ]
-    found = np.concatenate(rows)
-    if not (found == node.joints).all(axis=1).any():
-        found = np.concatenate([found, node.joints[None]])  # It took the place of one at a limit.
-    chain, options = world.robot.chain, task.stages[segment.free].settings.options
-    begin = parent.onward_joints
-    return chosen_configuration(
-        chain, found, node.joints, begin,
-        motion_times(chain, begin, found, scaled_limits(chain, options)),
-        costs.clearance(finder.cell(k, world).checker, node.joints),
-        costs.weights, replacement,
-    )  # fmt: skip

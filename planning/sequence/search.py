@@ -20,7 +20,6 @@ from planning.sequence.configuration_choice import (
     ConfigurationCosts,
     LimitAvoidance,
     rests_at_limit,
-    with_configurations,
 )
 from planning.sequence.given_joints import check_given_joints
 from planning.sequence.node import (
@@ -374,18 +373,15 @@ class _Search:
     def _away_from_limits(self, best: _Best) -> tuple[StagePlan, ...]:
         """The stages of the best answer, led away from joint limits where that takes little."""
         away = LimitAvoidance(
-            self._task, self._cells, self._finder, best.node, best.stages,
-            self._options.goal_costs, self._deadline,
+            self._task, self._cells, self._finder, self._costs, best.node, best.stages,
+            self._deadline,
         )  # fmt: skip
         away.run()
         if away.replaced:
             milliseconds = 1e3 * (time.perf_counter() - self._began)
             self._improvements.append(Improvement(milliseconds, total_duration(away.stages)))
             self._record.note_solution(away.leaf)
-        return with_configurations(
-            self._task, self._finder, self._costs, away.leaf, away.stages, away.replaced,
-            self._deadline,
-        )  # fmt: skip
+        return away.with_configurations()
 
     def _prove_farthest(self) -> None:
         """Plan the stages of the combination that came farthest, as many as can be done."""

@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -41,7 +41,6 @@ from planning.tool_motions.tool_motion import line
 from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolRun
 from planning.tool_paths.tool_following import lead_tool
 from planning.values.deadline import Deadline
-from planning.values.finger_motion import FingerMotion
 
 
 class Line(NamedTuple):
@@ -222,35 +221,6 @@ def constraint_set(cell: Cell, settings: StageSettings) -> ConstraintSet | None:
     return ConstraintSet(cell.robot.chain, settings.constraints)
 
 
-def stand_still(
-    cell: Cell,
-    settings: StageSettings,
-    still: tuple[Array, float, FingerMotion | None],
-    deadline: Deadline,
-) -> tuple[Trajectory, Certificate]:
-    """The arm standing still, with the proof that it may.
-
-    Args:
-        cell: The robot in its surroundings.
-        settings: Margin and constraints.
-        still: Configuration, shape (n,) [rad or m], duration [s], and motion of the fingers.
-        deadline: Time at which to give up.
-    """
-    q, duration, fingers = still
-    motion = stay(cell.robot.chain.joint_names, q, duration)
-    constraints = constraint_set(cell, settings)
-    if fingers is not None:
-        return motion, certify_gripper(
-            fingers, cell.robot, cell.scene, q, margin=settings.margin, constraints=constraints,
-            deadline=deadline,
-        )  # fmt: skip
-    certificate = certify(
-        motion, cell.robot, cell.scene, margin=settings.margin, constraints=constraints,
-        deadline=deadline,
-    )  # fmt: skip
-    return motion, certificate
-
-
 @dataclass(slots=True, eq=False)
 class Step:
     """One stage under the choices made so far.
@@ -367,25 +337,24 @@ def plan_step(
         plan = plan_free(cell, settings, (step.start, step.end), max_edges, deadline, seed)
     if isinstance(plan, Failure):
         return plan
-    return StagePlan(
-        index=step.index,
-        kind=stage_kind(step.stage),
-        name=settings.name,
-        trajectory=plan.trajectory,
-        certificate=plan.certificate,
-        after=step.after,
-        allowed=tuple(sorted(cell.scene.allowed_collisions)),
-        target=step.target,
-        plan=plan,
-        milliseconds=1e3 * (time.perf_counter() - began),
-    )
+    made = _stage_plan(step, cell, plan.trajectory, plan.certificate, began)
+    return replace(made, plan=plan)
 
 
 def _plan_still(step: Step, cell: Cell, deadline: Deadline, began: float) -> StagePlan | Failure:
-    stage = step.stage
+    """The arm standing still, with the proof that it may."""
+    stage, q, settings = step.stage, step.start, step.stage.settings
     fingers = stage.motion if isinstance(stage, Gripper) else None
-    still = (step.start, still_time(stage), fingers)
-    motion, certificate = stand_still(cell, stage.settings, still, deadline)
+    motion = stay(cell.robot.chain.joint_names, q, still_time(stage))
+    held: dict[str, Any] = {
+        "margin": settings.margin,
+        "constraints": constraint_set(cell, settings),
+        "deadline": deadline,
+    }
+    if fingers is not None:
+        certificate = certify_gripper(fingers, cell.robot, cell.scene, q, **held)
+    else:
+        certificate = certify(motion, cell.robot, cell.scene, **held)
     if certificate.violation is not None:
         violation = certificate.violation
         return Failure(
@@ -397,10 +366,18 @@ def _plan_still(step: Step, cell: Cell, deadline: Deadline, began: float) -> Sta
             "certificate",
             details={"kind": violation.kind, **violation.details},
         )
+    made = _stage_plan(step, cell, motion, certificate, began)
+    return replace(made, fingers=fingers, event=stage if isinstance(stage, Signal) else None)
+
+
+def _stage_plan(
+    step: Step, cell: Cell, motion: Trajectory, certificate: Certificate, began: float
+) -> StagePlan:
+    """The plan of a step that was begun at a time [s]."""
     return StagePlan(
         index=step.index,
-        kind=stage_kind(stage),
-        name=stage.settings.name,
+        kind=stage_kind(step.stage),
+        name=step.stage.settings.name,
         trajectory=motion,
         certificate=certificate,
         after=step.after,
@@ -408,6 +385,4 @@ def _plan_still(step: Step, cell: Cell, deadline: Deadline, began: float) -> Sta
         target=step.target,
         plan=None,
         milliseconds=1e3 * (time.perf_counter() - began),
-        fingers=fingers,
-        event=stage if isinstance(stage, Signal) else None,
     )

@@ -23,7 +23,7 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.options import Options, with_limits
 from planning.proof.certificate import certify
 from planning.result import Path, Plan
-from planning.sequence.result import StagePlan
+from planning.sequence.result import StagePlan, total_duration
 from planning.sequence.stage import passing_distance
 from planning.sequence.step import Step, constraint_set
 from planning.sequence.world import Cell, Cells
@@ -100,7 +100,7 @@ def _pass_run(cells: Cells, steps: Sequence[Step], deadline: Deadline) -> list[S
     if direct is not None:
         # Also where all pass: through a short leg they do so next to the end, and slowly.
         other = _time_and_prove(direct, known, deadline)
-        if other is not None and (proved is None or _duration(other) < _duration(proved)):
+        if other is not None and (proved is None or total_duration(other) < total_duration(proved)):
             proved = other
     if proved is not None:
         return proved
@@ -151,10 +151,6 @@ def _without_short_leg(points: Array, checker: Checker, blend: float) -> Array:
     return np.delete(points, 1, axis=0) if checker.free(points[0], points[2]) else points
 
 
-def _duration(plans: list[StagePlan]) -> float:
-    return sum(plan.trajectory.duration for plan in plans)
-
-
 def _with_note(plan: StagePlan) -> StagePlan:
     assert plan.plan is not None
     return replace(plan, plan=replace(plan.plan, notes=(*plan.plan.notes, _RESTS)))
@@ -177,7 +173,7 @@ def _time_and_prove(
         motion = parametrization.time_polyline(points[kept], reaches[kept[1:-1] - 1], names)
     except TimingFailed:
         return None
-    if motion.trajectory.duration >= _duration(known):
+    if motion.trajectory.duration >= total_duration(known):
         return None
     pieces = _cut(motion.trajectory, points, joins, [part.blend or 0.0 for part in parts])
     if pieces is None:

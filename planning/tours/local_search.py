@@ -57,18 +57,6 @@ class TourState(NamedTuple):
         return TourState(self.order.copy(), self.position.copy(), self.choice.copy())
 
 
-class Precedence(NamedTuple):
-    """Goals that have to come after others.
-
-    Args:
-        first: Place at which the followers of each stop begin, shape (s + 1,).
-        followers: Numbers of stops, shape (p,).
-    """
-
-    first: Indices
-    followers: Indices
-
-
 def tour_state(order: Indices, choice: Indices) -> TourState:
     """The state of a tour from the order of its stops (s,) and their configurations (s,)."""
     position = np.empty_like(order)
@@ -95,13 +83,16 @@ def least_times(times: Times, first: Indices) -> Times:
     return np.ascontiguousarray(least)
 
 
-def make_network(times: Times, first: Indices, precedence: Precedence, neighbours: int) -> Network:
+def make_network(
+    times: Times, first: Indices, precedence: tuple[Indices, Indices], neighbours: int
+) -> Network:
     """The network of stops with times between their configurations.
 
     Args:
         times: Shape (m, m) [s].
         first: First configuration of each stop, and m, shape (s + 1,).
-        precedence: Stops that have to come after others.
+        precedence: Place at which the followers of each stop begin, shape (s + 1,), and the
+            numbers of these stops, shape (p,).
         neighbours: How many near stops moves of the search check.
     """
     least = least_times(times, first)
@@ -110,7 +101,7 @@ def make_network(times: Times, first: Indices, precedence: Precedence, neighbour
     count = min(neighbours, len(least) - 1)
     near = np.argsort(apart, axis=1, kind="stable")[:, :count]
     near = np.ascontiguousarray(near, dtype=np.int64)
-    return Network(times, first, near, least, precedence.first, precedence.followers)
+    return Network(times, first, near, least, *precedence)
 
 
 #: Gains below this are rounding of single precision [s].

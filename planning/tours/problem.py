@@ -15,7 +15,6 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.options import Options
 from planning.problem import Goal, JointGoal
 from planning.reach.evaluation import Tolerance
-from planning.tours.local_search import Precedence
 from planning.values.preferences import PreferredClearance
 
 Pairs = Sequence[tuple[str, str]]
@@ -252,8 +251,8 @@ def find_cycle(followers: Mapping[str, Iterable[str]]) -> list[str]:
     return []
 
 
-def precedence_table(pairs: Sequence[tuple[int, int]], stops: int) -> Precedence:
-    """Followers of each stop in rows of one array.
+def precedence_table(pairs: Sequence[tuple[int, int]], stops: int) -> tuple[Indices, Indices]:
+    """Place at which the followers of each stop begin, and these in rows of one array.
 
     Args:
         pairs: Numbers of stops, the first before the second.
@@ -262,7 +261,7 @@ def precedence_table(pairs: Sequence[tuple[int, int]], stops: int) -> Precedence
     rows = sorted(pairs)
     count = np.bincount(np.array([a for a, _ in rows], dtype=np.int64), minlength=stops)
     first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
-    return Precedence(first, np.array([b for _, b in rows], dtype=np.int64))
+    return first, np.array([b for _, b in rows], dtype=np.int64)
 
 
 def group_numbers(groups: Sequence[str | None]) -> Indices:

@@ -145,8 +145,8 @@ def test_groups_stand_for_their_goals() -> None:
     pairs = goal_pairs(list("abcd"), ("g", "g", None, None), [("g", "c"), ("c", "d")])
     assert pairs == [(0, 2), (1, 2), (2, 3)]
     table = precedence_table(pairs, 6)
-    assert table.first.tolist() == [0, 1, 2, 3, 3, 3, 3]
-    assert table.followers.tolist() == [2, 2, 3]
+    assert table[0].tolist() == [0, 1, 2, 3, 3, 3, 3]
+    assert table[1].tolist() == [2, 2, 3]
     numbers = group_numbers(("g", None, "g", "h"))
     assert numbers[0] == numbers[2]
     assert len(np.unique(numbers)) == 3
