@@ -162,6 +162,8 @@ def with_parts(robot: RobotGeometry, scene: Scene) -> Scene:
         scene: Scene whose pairs may name a tool, which stands for its jaws as well, or all links,
             obstacles and attached objects of a pattern: ``*``, ``finger_*``.
     """
+    if not scene.contacts:
+        return scene
     tools = {name.partition(PART)[0] for name in robot.names if PART in name}
     patterns = {p: c for p, c in scene.contacts.items() if any(ANYTHING in name for name in p)}
     wide = {p: c for p, c in scene.contacts.items() if p in patterns or not tools.isdisjoint(p)}

@@ -68,9 +68,11 @@ def with_objects(scene: Scene, names: Iterable[str]) -> Scene:
 
     Args:
         scene: The scene.
-        names: Names that a request uses.
+        names: Names that a request uses; not read where there are no such solids.
     """
     firsts = [name.removesuffix("/0") for name in scene.ids if name.endswith("/0")]
+    if not firsts:
+        return scene
     for name in set(firsts).intersection(names) - set(scene.ids):
         own = [o for o in scene.obstacles if o.id.startswith(f"{name}/")]
         numbered = {f"{name}/{k}": k for k in range(len(own))}

@@ -106,15 +106,16 @@ def requested_scene(
         InvalidScene: An inline scene is not valid.
         InvalidLinkName: A frame is unknown, or moves.
     """
-    check_default_frame(chain, body.frame)
+    if body.frame is not None:
+        check_default_frame(chain, body.frame)
     source = None if isinstance(body.scene, str) else body.scene
     frame = None if source is None else body.frame
     scene = worker_cache.placed_scene(reference or source, frame, chain, joints)
     margins = getattr(body, "margins", None)
     for name, distance in ((margins and margins.objects) or {}).items():
         scene = scene.with_margin(name, distance)
-    named = (getattr(body, field, None) for field in _NAMING)
-    return with_objects(scene, {name for node in named for name in _texts(node)})
+    named = (text for field in _NAMING for text in _texts(getattr(body, field, None)))
+    return with_objects(scene, named)
 
 
 def _texts(node: object) -> Iterator[str]:
@@ -174,8 +175,8 @@ def with_surroundings(
         NotPrepared: The stored scene has to be prepared first.
         InvalidScene: As `robot_in_scene`, and all its other errors.
     """
-    if isinstance(body, WithFingers):
-        geometry = with_fingers(geometry, body.fingers or {})
+    if isinstance(body, WithFingers) and body.fingers:
+        geometry = with_fingers(geometry, body.fingers)
     surroundings = requested_scene(scene, body, geometry.chain, joints)
     return attach(geometry, surroundings, body.attached, body.allowed_collisions)
 
@@ -225,6 +226,8 @@ def scene_notes(robot: RobotGeometry, scene: Scene, held: Sequence[str] = ()) ->
         scene: The scene as it came.
         held: Names of objects that a request has the robot hold.
     """
+    if not scene.allowed_collisions:
+        return scene.notes
     known = {*robot.chain.index, *robot.names, *scene.ids, *held, ANYTHING}
     named = {name for pair in scene.allowed_collisions for name in pair} - known
     unknown = sorted(name for name in named if ANYTHING not in name)

@@ -72,11 +72,14 @@ def certificate_answer(
         "verified": certificate.verified,
         "proved": asdict(certificate.proved) | {"reasons": list(certificate.proved.reasons)},
         "premises": premises_answer(certificate.premises, scene),
-        **picked(certificate, "min_clearance", "clearance_pair", "min_obstacle_clearance"),
-        **picked(certificate, "min_self_clearance", "method"),
+        "min_clearance": certificate.min_clearance,
+        "clearance_pair": certificate.clearance_pair,
+        "min_obstacle_clearance": certificate.min_obstacle_clearance,
+        "min_self_clearance": certificate.min_self_clearance,
+        "method": certificate.method,
         "limits": {
-            name: _timed(report, begins, "worst_ratio", "joint", "time")
-            for name, report in certificate.limits.items()
+            name: {"worst_ratio": use.worst_ratio, "joint": use.joint, "time": use.time + begins}
+            for name, use in certificate.limits.items()
         },
         "continuity": dict(certificate.continuity),
         "cells": certificate.cells,
@@ -121,8 +124,9 @@ def stops_answer(stops: StopCertificate | None, begins: float = 0.0) -> dict[str
 
 def premises_answer(premises: Premises, scene: str | schema.Scene | None) -> dict[str, Any]:
     """Premises as answers give them, with the name of a stored scene."""
-    answer = asdict(premises) | {"scene": scene if isinstance(scene, str) else None}
-    return answer | {name: list(answer[name]) for name in ("attached", "open_meshes")}
+    attached, open_meshes = list(premises.attached), list(premises.open_meshes)
+    changed = {"scene": scene if isinstance(scene, str) else None, "attached": attached}
+    return asdict(premises) | changed | {"open_meshes": open_meshes}
 
 
 def _timed(report: Any, begins: float, *names: str) -> dict[str, Any]:

@@ -62,19 +62,12 @@ def rounding_notes(body: Any, where: str = "") -> list[str]:
         body: The request, or a part of it.
         where: Place in the request.
     """
-    items: Iterable[tuple[str, Any]] = ()
-    if isinstance(body, BaseModel):
-        items = vars(body).items()
-    elif isinstance(body, dict):
-        items = body.items()
-    elif isinstance(body, list) and body and isinstance(body[0], BaseModel | dict):
-        items = [(f"[{k}]", item) for k, item in enumerate(body)]
-    notes = []
-    for name, value in items:
+    notes, waiting = list[str](), [("", where, body)]
+    while waiting:
+        name, place, value = waiting.pop()
         # Scenes tell theirs themselves: they may be stored ones, too.
         if value is None or isinstance(value, float | str) or name == "scene":
             continue
-        place = f"{where}{name}" if name.startswith("[") or not where else f"{where}.{name}"
         if name == "quaternion_xyzw":
             norm = math.hypot(*value)
             if abs(norm - 1.0) > TOLD:
@@ -93,8 +86,13 @@ def rounding_notes(body: Any, where: str = "") -> list[str]:
                     f"{place} is symmetric within rounding only, to {askew:.2g}: its mean with its "
                     "transpose was taken."
                 )
-        else:
-            notes += rounding_notes(value, place)
+        elif isinstance(value, BaseModel | dict):
+            parts = vars(value) if isinstance(value, BaseModel) else value
+            for part in reversed(parts):
+                inside = f"{place}.{part}" if place else part
+                waiting.append((part, inside, parts[part]))
+        elif isinstance(value, list) and value and isinstance(value[0], BaseModel | dict):
+            waiting += [("", f"{place}[{k}]", part) for k, part in enumerate(value)][::-1]
     return notes
 
 

@@ -19,7 +19,7 @@ from planning.clearance_report import ClearanceReport
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline.planners import PLANNERS
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
-from planning.result import ChosenConfiguration, StageReport
+from planning.result import StageReport
 from planning.values.optimize_options import RefineOptions
 from planning.values.preferences import GoalCosts, PreferredClearance
 from service.fields import picked
@@ -167,11 +167,6 @@ def goal_costs(body: GoalCostsBody | None) -> GoalCosts:
     return _USUAL_COSTS if body is None else GoalCosts(**body.model_dump())
 
 
-def configuration_answer(chosen: ChosenConfiguration | None) -> dict[str, Any] | None:
-    """The configuration that was chosen for a pose on the wire; None where there was no choice."""
-    return None if chosen is None else asdict(chosen)
-
-
 def cartesian(given: tool_motion.CartesianOptions, chain: Chain) -> CartesianOptions:
     """Options of tool motions, those of a request in the root frame.
 
@@ -219,7 +214,12 @@ def _refine(body: schema.Refine | bool | None) -> RefineOptions | None:
 def stages_answer(stages: Sequence[StageReport]) -> list[dict[str, Any]]:
     """Reports of the stages on the wire."""
     return [
-        picked(stage, "name", "outcome", "milliseconds") | {"detail": stage.detail or None}
+        {
+            "name": stage.name,
+            "outcome": stage.outcome,
+            "milliseconds": stage.milliseconds,
+            "detail": stage.detail or None,
+        }
         for stage in stages
     ]
 

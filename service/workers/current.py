@@ -35,6 +35,11 @@ def deadline() -> Deadline:
     return _Current.deadline
 
 
+def is_followed() -> bool:
+    """Whether anybody follows the progress of the current job."""
+    return _Current.report is not None
+
+
 def report(progress: float, stage: str) -> None:
     """Tell the server how far the current job is.
 

@@ -28,7 +28,7 @@ from planning.pipeline import pipeline
 from planning.pipeline.moving_start import Splice
 from planning.problem import Problem
 from planning.proof.certificate import certify
-from planning.result import Failure, Plan
+from planning.result import Descent, Failure, Plan
 from planning.stops.certificate import Surroundings, certify_stops
 from planning.values.limits import MotionLimits
 from planning.witness.compact import Witness
@@ -138,7 +138,8 @@ def plan_outcome(
     deadline = current.deadline()
     if deadline.passed:
         return timed_out("the work was done", "certificate")
-    options = problems.options(body, cell.robot.chain, deadline.remaining, _report_stage)
+    observer = _report_stage if current.is_followed() else None
+    options = problems.options(body, cell.robot.chain, deadline.remaining, observer)
     if splice is not None:
         problem = splice.begins(problem)
     outcome = pipeline.plan(problem, options)
@@ -159,8 +160,8 @@ def plan_outcome(
         found = plan_witness(problem, options, outcome.trajectory)
         answer["certificate"]["witness"] = certificates.witness_answer(found)
     content = to_json(answer, inf_nan_mode="null")
-    stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
-    return PlanOutcome(content, outcome.planner, stages)
+    stages = [(stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages]
+    return PlanOutcome(content, outcome.planner, tuple(stages))
 
 
 def _splice(chain: Chain, body: PlanRequest, left: bytes) -> Splice:
@@ -344,7 +345,8 @@ def refusal(failure: Failure, more: Mapping[str, Any] = MappingProxyType({})) ->
 
 def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, Any]:
     certificate = certificates.certificate_answer(planned.certificate, scene=body.scene)
-    certificate |= certificates.stops_answer(planned.stops)
+    if planned.stops is not None:
+        certificate |= certificates.stops_answer(planned.stops)
     cartesian = planned.fraction is not None
     return {
         "status": "success",
@@ -362,23 +364,21 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
         "reference": reference_answer(cell.robot.chain, planned, body.seed),
         "stopped": None if planned.stopped is None else problems.plain(planned.stopped),
         "notes": list(planned.notes),
-        "potential_field": _descent(planned),
+        "potential_field": None if planned.descent is None else _descent(planned.descent),
         "clearance": None
         if planned.clearance is None
         else problems.clearance_answer(planned.clearance),
-        "configuration": problems.configuration_answer(planned.configuration),
+        "configuration": planned.configuration and asdict(planned.configuration),
         "timing": timings.timing_answer(planned.timing),
         "progress": [asdict(step) for step in planned.progress],
     }
 
 
-def _descent(planned: Plan) -> dict[str, Any] | None:
-    if planned.descent is None:
-        return None
+def _descent(found: Descent) -> dict[str, Any]:
     return {
-        "joints": planned.descent.waypoints.tolist(),
-        "potentials": planned.descent.potentials.tolist(),
-        "iterations": planned.descent.iterations,
+        "joints": found.waypoints.tolist(),
+        "potentials": found.potentials.tolist(),
+        "iterations": found.iterations,
     }
 
 
@@ -399,7 +399,7 @@ def reproducibility(
         deterministic: Whether the same request has the same answer.
     """
     content = body.model_dump_json(exclude={"keep", "tool", "tcp", "witness"}).encode()
-    if any(stage_tools(getattr(body, "stages", None))):
+    if isinstance(body, TaskRequest) and any(stage_tools(body.stages)):
         content = to_json(with_tool_names(from_json(content)))  # as kept requests have documents
     return {
         "seed": body.seed,

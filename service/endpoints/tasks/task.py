@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -235,7 +235,7 @@ def _stage_answer(
         "name": stage.name or None,
         "begins": begins,
         "choice": stage.target,
-        "configuration": problems.configuration_answer(stage.configuration),
+        "configuration": stage.configuration and asdict(stage.configuration),
         "planner": None if plan is None else plan.planner,
         "stages": [] if plan is None else problems.stages_answer(plan.stages),
         "path": None

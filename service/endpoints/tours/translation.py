@@ -1,5 +1,6 @@
 """Tours from wire to domain and back."""
 
+from dataclasses import asdict
 from typing import Any, Literal
 
 import numpy as np
@@ -118,7 +119,9 @@ def tour_answer(
                 "joints": visit.joints.tolist(),
                 "arrival": visit.arrival,
                 "departure": visit.departure,
-                "configuration": problems.configuration_answer(visit.configuration),
+                "configuration": None
+                if visit.configuration is None
+                else asdict(visit.configuration),
             }
             for visit in tour.visits
         ],

@@ -129,6 +129,8 @@ def placed_scene(
     """
     found, size = _scene(source)
     named = found if frame is None else in_frame(found, frame)
+    if not (named.frames or named.free):
+        return named
     if not named.frames or TOOL in named.frames:
         return place(named, chain, joints)
     key = "placed", named.content_hash, chain
