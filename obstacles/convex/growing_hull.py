@@ -1,235 +1,152 @@
-"""A convex hull that grows point by point, for volumes and for telling which points it may lack.
+"""A convex hull that grows point by point, kept as triangles with the planes across them.
 
 A point outside sees some of the faces; they give way to triangles from the rim of what it sees to
-the point. What that adds is the volume of the tetrahedra between the point and the faces it sees,
-which is never negative: volumes grow, whatever is rounded. Source: "Computational geometry in C",
-chapter 4, the incremental algorithm.
+the point. Source: "Computational geometry in C", chapter 4, the incremental algorithm.
 """
 
-from typing import NamedTuple
+import math
 
 import numpy as np
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector, cross, dot, row, subtract
+from compiled.vec3 import cross, dot, row, subtract
 from kinematics.arrays import Array, Indices
 
-#: A point that is added sees the faces that it is above by this part of what it must be: not those
-#: that it is above by rounding.
-_ROUNDING = 1e-6
-#: Points whose tetrahedron is thinner than this part of their extent have no volume.
-_FLAT = 1e-9
-#: Offset of a face that is gone or has no area: no point is above it [m].
-_GONE = 1e300
-#: Entries of ``counts``: face slots in use, free slots, and whether there is a tetrahedron.
-_MADE, _FREE, _SOLID = 0, 1, 2
-
-
-class GrowingHull(NamedTuple):
-    """A hull and the room that it grows in.
-
-    Args:
-        corners: Corners of each face, counter-clockwise seen from outside, shape (f, 3).
-        across: The face beyond the edge from each corner to the next one, shape (f, 3).
-        planes: Unit normal and offset of each face, a huge offset where none is, shape (4, f).
-        heights: Scratch: heights of a point above the faces, shape (f,).
-        seen: Scratch: faces that a point sees, shape (f,).
-        free: Slots of faces that are gone, shape (f,).
-        rim: Scratch: edges of the rim, each two corners and the face beyond, shape (3 f, 3).
-        begins: Scratch: the new face whose edge begins at a point, always a slot, shape (m,).
-        ends: Scratch: the new face whose edge ends at a point, always a slot, shape (m,).
-        counts: Face slots in use, free ones, and whether there is a tetrahedron, shape (3,).
-    """
-
-    corners: Indices
-    across: Indices
-    planes: Array
-    heights: Array
-    seen: Indices
-    free: Indices
-    rim: Indices
-    begins: Indices
-    ends: Indices
-    counts: Indices
+#: Parts of the points' extent: how far points are moved, so that no four of them are in a plane;
+#: how far a point is above a hull that grows to it, and above the faces that give way then; and
+#: the thickness of what has a volume.
+_JOGGLE, _SIGHT, _COPLANAR, _FLAT = 1e-5, 1e-4, 1e-10, 5e-5
 
 
 @kernel(inline="always")
-def empty_hull(points: int, most: int) -> GrowingHull:
-    """Room for a hull of at most ``most`` of so many points."""
-    slots = 4 * most + 16
-    return GrowingHull(
-        np.empty((slots, 3), dtype=np.int64),
-        np.empty((slots, 3), dtype=np.int64),
-        np.empty((4, slots)),
-        np.empty(slots),
-        np.empty(slots, dtype=np.int64),
-        np.empty(slots, dtype=np.int64),
-        np.empty((3 * slots, 3), dtype=np.int64),
-        np.zeros(points, dtype=np.int64),
-        np.zeros(points, dtype=np.int64),
-        np.zeros(3, dtype=np.int64),
-    )
+def _plane(corners: Array, p: int, q: int, r: int) -> tuple[float, float, float, float]:
+    """Unit normal and offset of the plane through three corners; offset inf where there is none."""
+    a = (corners[p, 0], corners[p, 1], corners[p, 2])
+    b = (corners[q, 0], corners[q, 1], corners[q, 2])
+    c = (corners[r, 0], corners[r, 1], corners[r, 2])
+    n = cross(subtract(b, a), subtract(c, a))
+    length = math.sqrt(dot(n, n))
+    if not length > 1e-18:
+        return 0.0, 0.0, 0.0, np.inf
+    return n[0] / length, n[1] / length, n[2] / length, dot(n, a) / length
 
 
-@kernel(allocates=False)
-def _write_face(hull: GrowingHull, points: Array, f: int, i: int, j: int, k: int) -> None:
-    """Put the face i, j, k into slot ``f``; one without an area is seen by nothing."""
-    a = row(points, i)
-    n = cross(subtract(row(points, j), a), subtract(row(points, k), a))
-    length = np.sqrt(dot(n, n))
-    scale = 1.0 / length if length > 0.0 else 0.0
-    hull.corners[f, 0], hull.corners[f, 1], hull.corners[f, 2] = i, j, k
-    for axis in range(3):
-        hull.planes[axis, f] = n[axis] * scale
-    hull.planes[3, f] = dot(n, a) * scale if length > 0.0 else _GONE
+@kernel(inline="always")
+def put_face(corners: Array, faces: Indices, planes: Array, at: int, skipped: int) -> None:
+    """Write the face of the first tetrahedron that lacks corner ``skipped``, seen from outside."""
+    p, q, r = (skipped + 1) % 4, (skipped + 2) % 4, (skipped + 3) % 4
+    plane = _plane(corners, p, q, r)
+    inner = (corners[skipped, 0], corners[skipped, 1], corners[skipped, 2])
+    if dot((plane[0], plane[1], plane[2]), inner) > plane[3]:
+        q, r = r, q
+        plane = _plane(corners, p, q, r)
+    faces[at, 0], faces[at, 1], faces[at, 2] = p, q, r
+    planes[at, 0], planes[at, 1], planes[at, 2], planes[at, 3] = plane
 
 
-@kernel(allocates=False, inline="always")
-def _volume_over(hull: GrowingHull, points: Array, f: int, p: Vector) -> float:
-    """Volume of the tetrahedron between a face and a point above it."""
-    a = subtract(row(points, hull.corners[f, 0]), p)
-    b = subtract(row(points, hull.corners[f, 1]), p)
-    c = subtract(row(points, hull.corners[f, 2]), p)
-    return max(0.0, -dot(a, cross(b, c)) / 6.0)
-
-
-@kernel(allocates=False, inline="always")
-def begin_hull(hull: GrowingHull, points: Array, chosen: Indices, count: int) -> float:
-    """Make a tetrahedron of four of the first ``count`` points ``chosen``; its volume, or 0.
-
-    It is the first point, the farthest from it, the farthest from the line through both, and the
-    farthest from the plane through the three.
-    """
-    if count < 4:
-        return 0.0
-    i, j, k, m = chosen[0], chosen[0], chosen[0], chosen[0]
-    a, best = row(points, i), 0.0
-    for entry in range(count):
-        gap = subtract(row(points, chosen[entry]), a)
-        if dot(gap, gap) > best:
-            best, j = dot(gap, gap), chosen[entry]
-    extent, ab, best = np.sqrt(best), subtract(row(points, j), a), 0.0
-    for entry in range(count):
-        n = cross(ab, subtract(row(points, chosen[entry]), a))
-        if dot(n, n) > best:
-            best, k = dot(n, n), chosen[entry]
-    n, wide = cross(ab, subtract(row(points, k), a)), np.sqrt(best)
-    if not wide > _FLAT * extent * extent:
-        return 0.0
-    height = 0.0
-    for entry in range(count):
-        above = dot(n, subtract(row(points, chosen[entry]), a)) / wide
-        if abs(above) > abs(height):
-            height, m = above, chosen[entry]
-    if not abs(height) > _FLAT * extent:
-        return 0.0
-    if height > 0.0:  # the fourth point lies below the first face
-        j, k = k, j
-    _write_face(hull, points, 0, i, j, k)
-    _write_face(hull, points, 1, j, i, m)
-    _write_face(hull, points, 2, k, j, m)
-    _write_face(hull, points, 3, i, k, m)
-    for edge in range(3):
-        hull.across[0, edge] = edge + 1
-        hull.across[edge + 1, 0] = 0
-        hull.across[edge + 1, 1] = 1 + (edge + 2) % 3
-        hull.across[edge + 1, 2] = 1 + (edge + 1) % 3
-    hull.counts[_MADE], hull.counts[_FREE], hull.counts[_SOLID] = 4, 0, 1
-    return float(wide * abs(height) / 6.0)
-
-
-@kernel(fastmath=True, allocates=False)
-def _write_heights(planes: Array, made: int, x: float, y: float, z: float, heights: Array) -> None:
-    for f in range(made):
-        heights[f] = planes[0, f] * x + planes[1, f] * y + planes[2, f] * z - planes[3, f]
-
-
-@kernel(allocates=False, inline="always")
-def _write_rim(hull: GrowingHull, made: int, rounding: float) -> tuple[int, int]:
-    """Write the faces that a point is above by more than rounding, and the edges around them.
-
-    Returns:
-        How many of each there are.
-    """
-    count, edges = 0, 0
-    for f in range(made):
-        if hull.heights[f] > rounding:
-            hull.seen[count] = f
-            count += 1
-    for entry in range(count):
-        f = hull.seen[entry]
-        for edge in range(3):
-            beyond = hull.across[f, edge]
-            if not hull.heights[beyond] > rounding:
-                hull.rim[edges, 0] = hull.corners[f, edge]
-                hull.rim[edges, 1] = hull.corners[f, (edge + 1) % 3]
-                hull.rim[edges, 2] = beyond
-                edges += 1
-    return count, edges
-
-
-@kernel(allocates=False, inline="always")
-def _is_cycle(rim: Indices, edges: int, begins: Indices) -> bool:
-    """Whether edges go round once, through no corner twice; ``begins`` is scratch."""
-    for edge in range(edges):
-        begins[rim[edge, 0]] = edge
-    edge, steps = 0, 0
-    while steps < edges:
-        edge = begins[rim[edge, 1]]
-        steps += 1
-        if edge == 0:
-            break
-    return edges > 2 and edge == 0 and steps == edges
-
-
-@kernel(allocates=False, inline="always")
-def add_point(hull: GrowingHull, points: Array, i: int, sight: float) -> float:
-    """Let a hull grow to a point; the volume that this adds.
-
-    A point is left out where rounding would tear the surface: the faces it sees have to be in one
-    piece and without a hole, as they always are with exact arithmetic.
+@kernel(inline="always")
+def grow(
+    corners: Array, new: int, faces: Indices, planes: Array, made: int, coplanar: float
+) -> int:
+    """Replace the faces that corner ``new`` sees by those that join it to their rim.
 
     Args:
-        hull: The hull.
-        points: All, shape (m, 3).
-        i: Number of the point that is added.
-        sight: Height above a face below which the point is left out [m].
+        corners: Corners of the hull in the first three columns.
+        new: The row of the new one.
+        faces: Corners of each face, counter-clockwise seen from outside, shape (f, 3).
+        planes: Unit normal and offset of each face, shape (f, 4).
+        made: How many faces there are.
+        coplanar: A corner beyond a face by less than this lies in its plane: slivers would open
+            the rim [m].
+
+    Returns:
+        How many there are then.
     """
-    p = row(points, i)
-    made = hull.counts[_MADE]
-    _write_heights(hull.planes, made, p[0], p[1], p[2], hull.heights)
-    highest = -np.inf
+    w = (corners[new, 0], corners[new, 1], corners[new, 2])
+    rim = np.empty((3 * made, 2), dtype=np.int64)
+    edges, kept = 0, 0
     for f in range(made):
-        highest = max(highest, hull.heights[f])
-    if not highest > sight:
-        return 0.0
-    count, edges = _write_rim(hull, made, _ROUNDING * sight)
-    if made + edges > hull.heights.shape[0] or not _is_cycle(hull.rim, edges, hull.begins):
-        return 0.0
-    seen, volume = hull.seen, 0.0
-    for entry in range(count):
-        f = seen[entry]
-        volume += _volume_over(hull, points, f, p)
-        hull.planes[3, f] = _GONE
-        hull.free[hull.counts[_FREE]] = f
-        hull.counts[_FREE] += 1
-    for edge in range(edges):
-        if hull.counts[_FREE] > 0:
-            hull.counts[_FREE] -= 1
-            f = hull.free[hull.counts[_FREE]]
-        else:
-            f = hull.counts[_MADE]
-            hull.counts[_MADE] += 1
-        a, b, beyond = hull.rim[edge, 0], hull.rim[edge, 1], hull.rim[edge, 2]
-        _write_face(hull, points, f, a, b, i)
-        hull.begins[a], hull.ends[b] = f, f
-        hull.across[f, 0] = beyond
+        beyond = dot((planes[f, 0], planes[f, 1], planes[f, 2]), w) - planes[f, 3]
+        if not beyond > coplanar:
+            if kept < f:
+                for k in range(3):
+                    faces[kept, k] = faces[f, k]
+                for k in range(4):
+                    planes[kept, k] = planes[f, k]
+            kept += 1
+            continue
         for side in range(3):
-            if hull.corners[beyond, side] == b and hull.corners[beyond, (side + 1) % 3] == a:
-                hull.across[beyond, side] = f
-        seen[edge] = f
-    for edge in range(edges):
-        f = seen[edge]
-        hull.across[f, 1] = hull.begins[hull.corners[f, 1]]
-        hull.across[f, 2] = hull.ends[hull.corners[f, 0]]
-    return volume
+            p, q = faces[f, side], faces[f, (side + 1) % 3]
+            opposite = -1
+            for e in range(edges):
+                if rim[e, 0] == q and rim[e, 1] == p:
+                    opposite = e
+            if opposite >= 0:
+                edges -= 1
+                rim[opposite, 0], rim[opposite, 1] = rim[edges, 0], rim[edges, 1]
+            else:
+                rim[edges, 0], rim[edges, 1] = p, q
+                edges += 1
+    for e in range(edges):
+        if kept == faces.shape[0]:
+            break
+        faces[kept, 0], faces[kept, 1], faces[kept, 2] = rim[e, 0], rim[e, 1], new
+        plane = _plane(corners, rim[e, 0], rim[e, 1], new)
+        planes[kept, 0], planes[kept, 1], planes[kept, 2], planes[kept, 3] = plane
+        kept += 1
+    return kept
+
+
+def hull_volumes(points: Array, ends: Indices) -> Array:
+    """Volumes of the hulls of the first points, up to each of some numbers.
+
+    They are right to a ten thousandth of the whole or so; of what is flat they are 0.
+
+    Args:
+        points: Shape (m, 3) [m].
+        ends: Numbers of points, ascending, the last of them m, shape (k,).
+    """
+    volumes, extent = np.zeros(len(ends)), float(np.ptp(points, axis=0).max())
+    moved = np.random.default_rng(0).uniform(-_JOGGLE, _JOGGLE, points.shape)
+    moved += (points - points[0]) / max(extent, np.finfo(float).tiny)
+    for k, end in enumerate(ends):
+        first = _tetrahedron(moved[:end])
+        if len(first):
+            order = np.concatenate([first, np.delete(np.arange(len(points)), first)])
+            _write_volumes(moved[order], ends[k:], volumes[k:])
+            break
+    return volumes * extent**3
+
+
+def _tetrahedron(points: Array) -> Indices:
+    """Numbers of four far points with a volume between them; none of what is flat.
+
+    They are the first point, the farthest from it, the farthest from the line through both, and the
+    farthest from the plane through the three.
+    """
+    away = points - points[0]
+    j = int((away**2).sum(axis=1).argmax())
+    across = np.cross(away[j], away)
+    k = int((across**2).sum(axis=1).argmax())
+    heights = np.abs(away @ across[k])
+    m = int(heights.argmax())
+    return np.array([0, j, k, m] if heights[m] > _FLAT * np.linalg.norm(across[k]) else [])
+
+
+@kernel
+def _write_volumes(points: Array, ends: Indices, volumes: Array) -> None:
+    """Write the volumes of the hulls of points, of which the first four are a tetrahedron."""
+    room, made = 4 * points.shape[0], 4
+    faces, planes = np.empty((room, 3), dtype=np.int64), np.empty((room, 4))
+    for skipped in range(4):
+        put_face(points, faces, planes, skipped, skipped)
+    for k in range(ends.shape[0]):
+        for i in range(4 if k == 0 else ends[k - 1], ends[k]):
+            p, highest = row(points, i), -np.inf
+            for f in range(made):
+                highest = max(highest, dot(row(planes, f), p) - planes[f, 3])
+            if highest > _SIGHT:
+                made = grow(points, i, faces, planes, made, _COPLANAR)
+        for f in range(made):
+            a, b, c = (row(points, faces[f, 0]), row(points, faces[f, 1]), row(points, faces[f, 2]))
+            volumes[k] += dot(a, cross(b, c)) / 6.0

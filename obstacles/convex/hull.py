@@ -6,11 +6,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from compiled.kernel import kernel
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array
 
 #: Of more points than this, those that are surely inside of the hull are looked for first.
 _MANY = 1000
+#: Points or planes that are looked at together: with as many sides they take some megabytes.
+_AT_ONCE = 4096
 #: How deep such a point lies at least, as a part of the points' extent.
 _INSIDE = 1e-9
 #: Extents below this part of the largest one are rounding errors of the coordinates, no thickness.
@@ -91,59 +92,29 @@ def corners_and_volume(points: Array) -> tuple[Array, float]:
     return np.ascontiguousarray(points[hull.vertices]), float(hull.volume)
 
 
+def farthest_points(points: Array) -> Array:
+    """Those of ``points`` (m, 3) that are the farthest ones along some of ``DIRECTIONS``."""
+    while len(points):
+        blocks = np.array_split(points, len(points) // _AT_ONCE + 1)
+        kept = [block[np.unique((block @ DIRECTIONS).argmax(axis=0))] for block in blocks]
+        points = np.concatenate(kept)
+        if len(blocks) == 1:
+            break
+    return points
+
+
 def _without_inner(points: Array) -> Array:
     """Points without most of those that are inside of the hull."""
     if len(points) <= _MANY:
         return points
-    points = np.ascontiguousarray(points)
-    best = np.full(DIRECTIONS.shape[1], -np.inf)
-    farthest = np.zeros(DIRECTIONS.shape[1], dtype=np.int64)
-    _write_farthest(points, DIRECTIONS, best, farthest)
-    inner = convex_hull(points[np.unique(farthest)])
+    inner = convex_hull(farthest_points(points))
     if not inner.solid:
         return points
     depth = _INSIDE * float(np.ptp(inner.vertices, axis=0).max())
-    lies = np.empty(len(points), dtype=np.bool_)
-    _tell_inner(points, inner.planes, depth, lies)
-    return points[~lies]
-
-
-@kernel
-def _write_farthest(points: Array, directions: Array, best: Array, farthest: Indices) -> None:
-    values = np.empty(directions.shape[1])
-    for i in range(points.shape[0]):
-        write_values(directions, points, i, values)
-        keep_farthest(values, i, best, farthest)
-
-
-@kernel(fastmath=True, allocates=False)
-def write_values(directions: Array, points: Array, i: int, values: Array) -> None:
-    """Write how far point ``i`` is along each of ``directions`` (3, d)."""
-    x, y, z = points[i, 0], points[i, 1], points[i, 2]
-    for k in range(values.shape[0]):
-        values[k] = x * directions[0, k] + y * directions[1, k] + z * directions[2, k]
-
-
-@kernel(allocates=False, inline="always")
-def keep_farthest(values: Array, i: int, best: Array, farthest: Indices) -> None:
-    """Note point ``i`` where it is farther than all before, ``best`` and ``farthest`` (d,)."""
-    for k in range(values.shape[0]):
-        if values[k] > best[k]:
-            best[k] = values[k]
-            farthest[k] = i
-
-
-@kernel(allocates=False)
-def _tell_inner(points: Array, planes: Array, depth: float, lies: NDArray[np.bool_]) -> None:
-    """Write whether each point (m, 3) is deeper than ``depth`` below all planes (f, 4)."""
-    for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        lies[i] = True
-        for f in range(planes.shape[0]):
-            above = planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3]
-            if above > -depth:
-                lies[i] = False
-                break
+    blocks = np.array_split(points, len(points) // _AT_ONCE + 1)
+    heights = (block @ inner.planes[:, :3].T - inner.planes[:, 3] for block in blocks)
+    outer = np.concatenate([(above > -depth).any(axis=1) for above in heights])
+    return np.asarray(points[outer])
 
 
 def convex_hull(points: Array) -> Hull:
@@ -182,19 +153,9 @@ def _solid(points: Array) -> Hull:
     triangles[outward < 0.0] = triangles[outward < 0.0][:, ::-1]
     planes = np.array(hull.equations)
     # Qhull joins nearly coplanar facets: no corner may lie outside of a plane that is trusted.
-    _push_out(planes, np.ascontiguousarray(vertices.T))
+    blocks = np.array_split(planes[:, :3], len(planes) // _AT_ONCE + 1)
+    planes[:, 3] = np.concatenate([(block @ vertices.T).max(axis=1) for block in blocks])
     return Hull(vertices, triangles.astype(np.int64), planes, solid=True)
-
-
-@kernel(fastmath=True)
-def _push_out(planes: Array, columns: Array) -> None:
-    """Raise the offset of each plane (f, 4) to its highest corner, ``columns`` of shape (3, k)."""
-    for f in range(planes.shape[0]):
-        a, b, c = planes[f, 0], planes[f, 1], planes[f, 2]
-        highest = -np.inf
-        for k in range(columns.shape[1]):
-            highest = max(highest, a * columns[0, k] + b * columns[1, k] + c * columns[2, k])
-        planes[f, 3] = highest
 
 
 def _polygon(corners: Array) -> Hull:

@@ -15,6 +15,7 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot, subtract
 from kinematics.arrays import Array, Indices
+from obstacles.convex.growing_hull import grow, put_face
 from obstacles.distance.gjk import halfspace_distance_kernel, nearest_on_simplex, support
 from obstacles.distance.piece_set import KIND, ROUNDING, CoreKind, Lists
 
@@ -28,7 +29,7 @@ _CONTACT = 1e-9
 #: size, polytopes exactly.
 _CORNERS = 128
 _FACES = 4 * _CORNERS
-#: A corner beyond a face by less than this [m] lies in its plane: slivers would open the rim.
+#: A corner beyond a face by less than this [m] lies in its plane.
 _COPLANAR = 1e-11
 #: A face that the support lies beyond by less than this [m] is a face of A - B itself.
 _FLAT = 1e-9
@@ -176,7 +177,7 @@ def _overlap(
     faces, planes = np.empty((_FACES, 3), dtype=np.int64), np.empty((_FACES, 4))
     made = 0
     for skipped in range(4):
-        _put_face(grown, faces, planes, made, skipped)
+        put_face(grown, faces, planes, made, skipped)
         made += 1
     best, depth = 0, np.inf
     normal, point = axis, axis
@@ -195,7 +196,7 @@ def _overlap(
             break
         grown[used, 0], grown[used, 1], grown[used, 2] = w
         grown[used, 3], grown[used, 4], grown[used, 5] = r
-        made = _grow(grown, used, faces, planes, made)
+        made = grow(grown, used, faces, planes, made, _COPLANAR)
         used += 1
     out = (-normal[0], -normal[1], -normal[2])
     return -depth - rounding, out, _rounded(point, out, b[j, ROUNDING])
@@ -249,67 +250,6 @@ def _next_direction(corners: Array, found: int) -> Vector:
         n = cross(ab, subtract((corners[2, 0], corners[2, 1], corners[2, 2]), a))
     length = math.sqrt(dot(n, n))
     return (n[0] / length, n[1] / length, n[2] / length) if length > 0.0 else (1.0, 0.0, 0.0)
-
-
-@kernel(inline="always")
-def _plane(corners: Array, p: int, q: int, r: int) -> tuple[float, float, float, float]:
-    """Unit normal and offset of the plane through three corners; offset inf where there is none."""
-    a = (corners[p, 0], corners[p, 1], corners[p, 2])
-    b = (corners[q, 0], corners[q, 1], corners[q, 2])
-    c = (corners[r, 0], corners[r, 1], corners[r, 2])
-    n = cross(subtract(b, a), subtract(c, a))
-    length = math.sqrt(dot(n, n))
-    if not length > 1e-18:
-        return 0.0, 0.0, 0.0, np.inf
-    return n[0] / length, n[1] / length, n[2] / length, dot(n, a) / length
-
-
-@kernel(inline="always")
-def _put_face(corners: Array, faces: Indices, planes: Array, at: int, skipped: int) -> None:
-    """Write the face of the first tetrahedron that lacks corner ``skipped``, seen from outside."""
-    p, q, r = (skipped + 1) % 4, (skipped + 2) % 4, (skipped + 3) % 4
-    plane = _plane(corners, p, q, r)
-    inner = (corners[skipped, 0], corners[skipped, 1], corners[skipped, 2])
-    if dot((plane[0], plane[1], plane[2]), inner) > plane[3]:
-        q, r = r, q
-        plane = _plane(corners, p, q, r)
-    faces[at, 0], faces[at, 1], faces[at, 2] = p, q, r
-    planes[at, 0], planes[at, 1], planes[at, 2], planes[at, 3] = plane
-
-
-@kernel(inline="always")
-def _grow(corners: Array, new: int, faces: Indices, planes: Array, made: int) -> int:
-    """Replace the faces that corner ``new`` sees by those that join it to their rim."""
-    w = (corners[new, 0], corners[new, 1], corners[new, 2])
-    rim = np.empty((3 * made, 2), dtype=np.int64)
-    edges, kept = 0, 0
-    for f in range(made):
-        beyond = dot((planes[f, 0], planes[f, 1], planes[f, 2]), w) - planes[f, 3]
-        if not beyond > _COPLANAR:
-            faces[kept] = faces[f]
-            planes[kept] = planes[f]
-            kept += 1
-            continue
-        for side in range(3):
-            p, q = faces[f, side], faces[f, (side + 1) % 3]
-            opposite = -1
-            for e in range(edges):
-                if rim[e, 0] == q and rim[e, 1] == p:
-                    opposite = e
-            if opposite >= 0:
-                edges -= 1
-                rim[opposite, 0], rim[opposite, 1] = rim[edges, 0], rim[edges, 1]
-            else:
-                rim[edges, 0], rim[edges, 1] = p, q
-                edges += 1
-    for e in range(edges):
-        if kept == faces.shape[0]:
-            break
-        faces[kept, 0], faces[kept, 1], faces[kept, 2] = rim[e, 0], rim[e, 1], new
-        plane = _plane(corners, rim[e, 0], rim[e, 1], new)
-        planes[kept, 0], planes[kept, 1], planes[kept, 2], planes[kept, 3] = plane
-        kept += 1
-    return kept
 
 
 @kernel(inline="always")
