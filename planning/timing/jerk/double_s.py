@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled.kernel import kernel
-from compiled.simd import Lanes, anywhere, choose
 from kinematics.arrays import Array
 
 #: A speed is found when a step changes it by less than this part.
@@ -42,7 +41,7 @@ class Legs(NamedTuple):
 
 
 @kernel(inline="code", allocates=False)
-def ramp_time(change: Lanes, acceleration: float, jerk: float) -> Lanes:
+def ramp_time(change: float, acceleration: float, jerk: float) -> float:
     """Least time of a change of speed with no acceleration at its ends [s].
 
     Args:
@@ -50,77 +49,73 @@ def ramp_time(change: Lanes, acceleration: float, jerk: float) -> Lanes:
         acceleration: Largest one.
         jerk: Largest one.
     """
-    square = acceleration * acceleration
-    time = change / acceleration + acceleration / jerk
-    if anywhere(change * jerk <= square):
-        time = choose(change * jerk <= square, 2.0 * math.sqrt(change / jerk), time)
-    return time
+    if change * jerk <= acceleration * acceleration:
+        return 2.0 * math.sqrt(change / jerk)
+    return change / acceleration + acceleration / jerk
 
 
 @kernel(inline="code", allocates=False)
-def _ramp_length(low: Lanes, high: Lanes, acceleration: float, jerk: float) -> Lanes:
+def _ramp_length(low: float, high: float, acceleration: float, jerk: float) -> float:
     return 0.5 * (low + high) * ramp_time(high - low, acceleration, jerk)
 
 
 @kernel(inline="code", allocates=False)
-def _ramp_slope(low: Lanes, high: Lanes, acceleration: float, jerk: float) -> Lanes:
+def _ramp_slope(low: float, high: float, acceleration: float, jerk: float) -> float:
     """Derivative of a ramp's length by its higher speed; inf where both speeds are the same."""
-    change, square = high - low, acceleration * acceleration
-    rate = (change - change) + 1.0 / acceleration
-    if anywhere(change * jerk <= square):
-        bent = 1.0 / math.sqrt(max(change * jerk, 1e-300))
-        rate = choose(change * jerk <= square, bent, rate)
+    change, rate = high - low, 1.0 / acceleration
+    if change * jerk <= acceleration * acceleration:
+        rate = 1.0 / math.sqrt(max(change * jerk, 1e-300))
     return 0.5 * ramp_time(change, acceleration, jerk) + 0.5 * (low + high) * rate
 
 
 @kernel(inline="code", allocates=False)
 def _excess(
-    start: Lanes, end: Lanes, speed: Lanes, length: Lanes, limits: Array, alike: bool
-) -> Lanes:
+    start: float, end: float, speed: float, length: float, limits: Array, alike: bool
+) -> float:
     """By how much the ramps to a speed from both ends of a leg are longer than it."""
     ramp = _ramp_length(start, speed, limits[1], limits[2])
     other = ramp if alike else _ramp_length(end, speed, limits[1], limits[2])
     return ramp + other - length
 
 
-@kernel(inline="code", allocates=False)
+@kernel(allocates=False)
 def _peak_speed(
-    start: Lanes, end: Lanes, length: Lanes, limits: Array, tolerance: float, alike: bool
-) -> Lanes:
+    start: float, end: float, length: float, limits: Array, tolerance: float, alike: bool
+) -> float:
     """``peak_speed``; ``alike`` says that both ends have the same speed, which halves the work."""
     v, a, j = float(limits[0]), float(limits[1]), float(limits[2])
     low = max(start, end)
     # Lengths that differ by less than this part are the same.
-    rises = _excess(start, end, low, 0.0, limits, alike) < (1.0 - 1e-13) * length
-    if not anywhere(rises):
+    if _excess(start, end, low, 0.0, limits, alike) >= (1.0 - 1e-13) * length:
         return low
-    # A number in as many lanes as the others have.
-    high = (low - low) + v
+    high = v
     if not v < np.inf:
         # From rest half the leg is run through in more time than this, at the least acceleration.
         high = low + math.sqrt(2.0 * a * length) + length * math.sqrt(a / length) + 1e-12
-    sought = rises & (_excess(start, end, high, length, limits, alike) > 0.0)
-    answer = choose(rises, high, low)
+    if not _excess(start, end, high, length, limits, alike) > 0.0:
+        return high
     below, above = low, high
     speed = 0.5 * (below + above)
     # Steps of Newton's method, safeguarded by bisection: eight are usual.
     for _ in range(80):
-        if not anywhere(sought):
-            break
         excess = _excess(start, end, speed, length, limits, alike)
-        above, below = choose(excess > 0.0, speed, above), choose(excess > 0.0, below, speed)
+        if excess > 0.0:
+            above = speed
+        else:
+            below = speed
         slope = _ramp_slope(start, speed, a, j)
-        slope = slope + (slope if alike else _ramp_slope(end, speed, a, j))
+        slope += slope if alike else _ramp_slope(end, speed, a, j)
         better = speed - excess / slope
-        better = choose((below < better) & (better < above), better, 0.5 * (below + above))
-        answer = choose(sought, better, answer)
-        sought = sought & (abs(better - speed) > tolerance * speed)
-        speed = better
-    return answer
+        if not below < better < above:
+            better = 0.5 * (below + above)
+        change, speed = abs(better - speed), better
+        if change <= tolerance * speed:
+            break
+    return speed
 
 
 @kernel(allocates=False)
-def peak_speed(start: Lanes, end: Lanes, length: Lanes, limits: Array, tolerance: float) -> Lanes:
+def peak_speed(start: float, end: float, length: float, limits: Array, tolerance: float) -> float:
     """Largest speed of a leg that is begun and ended at given speeds; the larger if none is higher.
 
     Args:
@@ -134,21 +129,21 @@ def peak_speed(start: Lanes, end: Lanes, length: Lanes, limits: Array, tolerance
 
 
 @kernel(allocates=False)
-def reachable_speed(start: Lanes, length: Lanes, limits: Array, tolerance: float) -> Lanes:
+def reachable_speed(start: float, length: float, limits: Array, tolerance: float) -> float:
     """The largest speed that a leg allows at its end."""
     return _peak_speed(start, start, 2.0 * length, limits, tolerance, True)
 
 
 @kernel(allocates=False)
-def leg_time(start: Lanes, end: Lanes, length: Lanes, limits: Array, tolerance: float) -> Lanes:
+def leg_time(start: float, end: float, length: float, limits: Array, tolerance: float) -> float:
     """Least time of a leg between two speeds that it leaves room for [s]."""
-    if not anywhere(length > 0.0):
-        return length - length
+    if not length > 0.0:
+        return 0.0
     peak = peak_speed(start, end, length, limits, tolerance)
     a, j = float(limits[1]), float(limits[2])
     ramps = _ramp_length(start, peak, a, j) + _ramp_length(end, peak, a, j)
     time = ramp_time(peak - start, a, j) + ramp_time(peak - end, a, j)
-    return choose(length > 0.0, time + max(length - ramps, 0.0) / peak, 0.0)
+    return time + max(length - ramps, 0.0) / peak
 
 
 @kernel(allocates=False)

@@ -3,7 +3,7 @@
 Reaches of the corners of a polyline with which it is run through fastest, nearly.
 
 A wide curve is fast, but leaves less of its legs to speed up on. Eighths of the largest reach of a
-corner are tried eight abreast (see ``compiled.simd``).
+corner are tried.
 """
 
 import math
@@ -15,18 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled.kernel import direct, kernel
-from compiled.simd import LANES, Lanes, anywhere, choose, fill, lane, load, store
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array
 from kinematics.trajectory.polynomial import shift_kernel
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.double_s import (
     CONVERGED,
     MAX_PHASES,
     Legs,
-    leg_time,
     lower_speeds_kernel,
     polyline_phases_kernel,
-    reachable_speed,
 )
 from planning.timing.path.blend import (
     kept_waypoints_kernel,
@@ -58,36 +55,6 @@ class CornerLimits(NamedTuple):
     jerk: Array
 
 
-class Choices(NamedTuple):
-    """Reaches of each corner that are tried, those from 0 to the largest, and those chosen.
-
-    Args:
-        reaches: Shape (k, 9).
-        caps: Largest speeds through the corners, shape (k, 9).
-        chosen: Numbers of reaches, shape (k,).
-    """
-
-    reaches: Array
-    caps: Array
-    chosen: Indices
-
-
-class Trials(NamedTuple):
-    """Eight motions in eight lanes.
-
-    Args:
-        reaches: Shape (k, 8).
-        speeds: Speeds at the start, at the corners and at the end, shape (k + 2, 8).
-        rest: Lengths of the legs between curves, shape (k + 1, 8).
-        times: Shape (8,).
-    """
-
-    reaches: Array
-    speeds: Array
-    rest: Array
-    times: Array
-
-
 @kernel
 def fastest_reaches_kernel(
     legs: Legs, corners: CornerLimits, largest: Array, reaches: Array
@@ -103,173 +70,90 @@ def fastest_reaches_kernel(
         largest: Reaches at most, shape (k,).
         reaches: Shape (k,).
     """
-    k = largest.shape[0]
-    choices = _choices(corners, largest)
-    trials = Trials(
-        np.empty((k, LANES)), np.empty((k + 2, LANES)), np.empty((k + 1, LANES)), np.empty(LANES)
-    )
-    speeds = np.zeros(k + 2)
-    _choose_alike(legs, choices, trials, speeds)
-    # Windows about two corners have a speed in common up to this distance of the corners.
-    settled, around = np.zeros(k, dtype=np.bool_), 2 * _NEIGHBOURS + 1
+    k, best = largest.shape[0], np.inf
+    trial, speeds, rest, known = np.empty(k), np.zeros(k + 2), np.empty(k + 1), np.zeros(k + 2)
+    for share in range(_SHARES + 1):
+        for i in range(k):
+            trial[i] = largest[i] * share / _SHARES
+        time = _time_between(legs, corners, trial, speeds, rest, (0, k + 1))
+        if time < best:
+            best = time
+            reaches[:], known[:] = trial, speeds
     # Rounds over all corners; a third gains less than a thousandth.
     for _ in range(2):
         for i in range(k):
-            # Nothing that its time hangs on has changed since it was checked.
-            if settled[i]:
-                continue
-            settled[i] = True
-            if largest[i] > 0.0 and _choose_one(legs, choices, trials, speeds, i):
-                for j in range(max(i - around, 0), min(i + around + 1, k)):
-                    settled[j] = j == i
-    for i in range(k):
-        reaches[i] = choices.reaches[i, choices.chosen[i]]
-
-
-@kernel
-def _choices(corners: CornerLimits, largest: Array) -> Choices:
-    """Reaches that are tried, with the speeds that they allow."""
-    k = largest.shape[0]
-    reaches, caps = np.empty((k, _SHARES + 1)), np.empty((k, _SHARES + 1))
-    for i in range(k):
-        for share in range(_SHARES + 1):
-            r = largest[i] * share / _SHARES
-            bent, jerk = math.sqrt(corners.acceleration[i] * r), corners.jerk[i] * r * r
-            reaches[i, share] = r
-            caps[i, share] = min(corners.speed[i], bent, jerk ** (1.0 / 3.0))
-    return Choices(reaches, caps, np.zeros(k, dtype=np.int64))
+            if largest[i] > 0.0:
+                _choose_reach(legs, corners, largest[i], reaches, (known, speeds, rest), i)
 
 
 @kernel(allocates=False)
-def _choose_alike(legs: Legs, choices: Choices, trials: Trials, speeds: Array) -> None:
-    """Choose the same share of the largest reach for all corners, and write speeds (k + 2,)."""
-    k = choices.chosen.shape[0]
-    best, first = np.inf, 0
-    while first <= _SHARES:
-        # A stop at all corners stands alone, in all lanes.
-        for i in range(k):
-            for number in range(LANES):
-                share = min(first + number, first * _SHARES)
-                trials.reaches[i, number] = choices.reaches[i, share]
-                trials.speeds[i + 1, number] = choices.caps[i, share]
-        _time_between(legs, trials, 0, k + 1, 0.0, 0.0)
-        for number in range(LANES):
-            if trials.times[number] < best:
-                best = trials.times[number]
-                for i in range(k + 2):
-                    speeds[i] = trials.speeds[i, number]
-                for i in range(k):
-                    choices.chosen[i] = min(first + number, first * _SHARES)
-        first += 1 if first == 0 else LANES
+def _choose_reach(
+    legs: Legs, corners: CornerLimits, largest: float, reaches: Array,
+    work: tuple[Array, Array, Array], i: int,
+) -> None:  # fmt: skip
+    """Choose the reach of corner i, which lies between the legs i and i + 1.
 
-
-@kernel(allocates=False)
-def _choose_one(legs: Legs, choices: Choices, trials: Trials, speeds: Array, i: int) -> bool:
-    """Choose the reach of corner i, which lies between the legs i and i + 1; whether it changed."""
-    k, known = choices.chosen.shape[0], choices.chosen[i]
-    first, last = max(i - _NEIGHBOURS, 0), min(i + 2 + _NEIGHBOURS, k + 1)
-    # Beyond the ends curves go on at the same speeds: their reaches stay as they are.
-    for j in range(max(first - 1, 0), min(last, k)):
-        store(trials.reaches[j], 0, choices.reaches[j, choices.chosen[j]])
-    best, chosen = np.inf, known
-    for trial in range(2):
-        for j in range(first, last - 1):
-            store(trials.speeds[j + 1], 0, choices.caps[j, choices.chosen[j]])
-        if trial == 1:
-            for number in range(LANES):
-                share = number if number < known else number + 1
-                trials.reaches[i, number] = choices.reaches[i, share]
-                trials.speeds[i + 1, number] = choices.caps[i, share]
-        _time_between(legs, trials, first, last, speeds[first], speeds[last])
-        for number in range(LANES if trial == 1 else 1):
-            if trials.times[number] < best:
-                best = trials.times[number]
-                chosen = known
-                if trial == 1:
-                    chosen = number if number < known else number + 1
-                    for j in range(first, last + 1):
-                        speeds[j] = trials.speeds[j, number]
-    choices.chosen[i] = chosen
-    return bool(chosen != known)
+    Args:
+        legs: The whole legs.
+        corners: Limits of the corners.
+        largest: Its reach at most.
+        reaches: Reaches of all corners, changed.
+        work: Speeds with the reaches as they are (k + 2,), changed, and room for others and for the
+            lengths of the legs between curves.
+        i: Number of the corner.
+    """
+    k, (known, speeds, rest) = reaches.shape[0], work
+    window = max(i - _NEIGHBOURS, 0), min(i + 2 + _NEIGHBOURS, k + 1)
+    best, chosen = np.inf, reaches[i]
+    for share in range(-1, _SHARES + 1):
+        # As it is comes first, and stays where no other one is faster.
+        reaches[i] = chosen if share < 0 else largest * share / _SHARES
+        speeds[window[0]], speeds[window[1]] = known[window[0]], known[window[1]]
+        time = _time_between(legs, corners, reaches, speeds, rest, window)
+        if time < best:
+            best, chosen = time, reaches[i]
+    reaches[i] = chosen
+    speeds[window[0]], speeds[window[1]] = known[window[0]], known[window[1]]
+    _time_between(legs, corners, reaches, speeds, rest, window)
+    for j in range(window[0], window[1] + 1):
+        known[j] = speeds[j]
 
 
 @kernel(allocates=False)
 def _time_between(
-    legs: Legs, trials: Trials, first: int, last: int, begins: float, ends: float
-) -> None:
-    """Write times of the legs from ``first`` to before ``last`` with the corners between them [s].
+    legs: Legs, corners: CornerLimits, reaches: Array, speeds: Array, rest: Array,
+    window: tuple[int, int],
+) -> float:  # fmt: skip
+    """Time of some legs with the corners between them; inf where there is no room for speeds [s].
 
     Args:
         legs: All legs, not shortened by reaches.
-        trials: Reaches and largest speeds of the corners between come in; possible speeds and
-            times go out. Times are infinite where legs do not leave room for their speeds.
-        first: Number of the first leg.
-        last: Number of the leg after the last one.
-        begins: Speed before the first leg.
-        ends: Speed after the last leg.
+        corners: Limits of the corners.
+        reaches: Reaches of the corners, shape (k,).
+        speeds: Speeds before the first leg and after the last one come in, those at the corners
+            between go out, shape (k + 2,).
+        rest: Filled with lengths of the legs between curves, shape (k + 1,).
+        window: Numbers of the first leg and of the leg after the last one.
     """
-    k = trials.reaches.shape[0]
+    (first, last), k = window, reaches.shape[0]
     for i in range(first, last):
-        rest = fill(legs.lengths[i])
-        if i > 0:
-            rest = rest - load(trials.reaches[i - 1], 0)
-        if i < k:
-            rest = rest - load(trials.reaches[i], 0)
-        store(trials.rest[i], 0, rest)
-    store(trials.speeds[first], 0, begins)
-    store(trials.speeds[last], 0, ends)
-    time = fill(0.0) + _lower_speeds(legs, trials, first, last)
-    at_first, at_last = load(trials.speeds[first], 0), load(trials.speeds[last], 0)
-    cramped = (at_first < (1.0 - _ROUGH) * begins) | (at_last < (1.0 - _ROUGH) * ends)
+        before, after = reaches[i - 1] if i > 0 else 0.0, reaches[i] if i < k else 0.0
+        rest[i] = legs.lengths[i] - before - after
     for i in range(first, last - 1):
-        reach, speed = load(trials.reaches[i], 0), load(trials.speeds[i + 1], 0)
-        cramped = cramped | ((reach > 0.0) & (speed <= 0.0))
-        time = choose(reach > 0.0, time + 2.0 * reach / speed, time)
-    store(trials.times, 0, choose(cramped, np.inf, time))
-
-
-@kernel(allocates=False)
-def _lower_speeds(legs: Legs, trials: Trials, first: int, last: int) -> Lanes:
-    """``lower_speeds_kernel`` of some legs in each lane."""
-    speeds, rest = trials.speeds, trials.rest
-    for i in range(first, last):
-        before, after = load(speeds[i], 0), load(speeds[i + 1], 0)
-        if anywhere(after > before):
-            reachable = _reachable_speeds(before, load(rest[i], 0), legs.limits[i])
-            store(speeds[i + 1], 0, choose(after > before, min(after, reachable), after))
-    for i in range(last - 1, first - 1, -1):
-        before, after = load(speeds[i], 0), load(speeds[i + 1], 0)
-        if anywhere(before > after):
-            reachable = _reachable_speeds(after, load(rest[i], 0), legs.limits[i])
-            store(speeds[i], 0, choose(before > after, min(before, reachable), before))
-    time = fill(0.0)
-    for i in range(first, last):
-        before, after = load(speeds[i], 0), load(speeds[i + 1], 0)
-        time = time + _leg_times(before, after, load(rest[i], 0), legs.limits[i])
+        bent = math.sqrt(corners.acceleration[i] * reaches[i])
+        jerk = corners.jerk[i] * reaches[i] * reaches[i]
+        speeds[i + 1] = min(corners.speed[i], bent, jerk ** (1.0 / 3.0))
+    begins, ends = speeds[first], speeds[last]
+    shortened = Legs(rest[first:last], legs.limits[first:last])
+    time = lower_speeds_kernel(shortened, speeds[first : last + 1], _ROUGH)
+    if speeds[first] < (1.0 - _ROUGH) * begins or speeds[last] < (1.0 - _ROUGH) * ends:
+        return np.inf
+    for i in range(first, last - 1):
+        if reaches[i] > 0.0:
+            if speeds[i + 1] <= 0.0:
+                return np.inf
+            time += 2.0 * reaches[i] / speeds[i + 1]
     return time
-
-
-@kernel(allocates=False)
-def _reachable_speeds(start: Lanes, length: Lanes, limits: Array) -> Lanes:
-    """``reachable_speed`` in each lane, found once where all lanes are the same."""
-    if _differ(start) or _differ(length):
-        return reachable_speed(start, length, limits, _ROUGH)
-    return fill(reachable_speed(lane(start, 0), lane(length, 0), limits, _ROUGH))
-
-
-@kernel(allocates=False)
-def _leg_times(start: Lanes, end: Lanes, length: Lanes, limits: Array) -> Lanes:
-    """``leg_time`` in each lane, found once where all lanes are the same."""
-    if _differ(start) or _differ(end) or _differ(length):
-        return leg_time(start, end, length, limits, _ROUGH)
-    return fill(leg_time(lane(start, 0), lane(end, 0), lane(length, 0), limits, _ROUGH))
-
-
-@kernel(inline="code", allocates=False)
-def _differ(value: Lanes) -> bool:
-    """Whether not all lanes hold the same number."""
-    first = lane(value, 0)
-    return anywhere((value < first) | (value > first))
 
 
 class Pieces(NamedTuple):
