@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from compiled.kernel import direct, kernel
-from compiled.simd import LANES, fill, load, on_stack, store
+from compiled.simd import LANES, Lanes, fill, lane, load, on_stack, store
 from compiled.simd_transpose import load_rows_kernel, store_rows_kernel, transpose
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
@@ -38,7 +38,7 @@ from planning.timing.spline.span_loads import (
     span_memory,
     widen_for_loads_kernel,
 )
-from planning.timing.time_scaling import ScaledTime, fit_kernel, largest_lane, scaled_motion
+from planning.timing.time_scaling import ScaledTime, fit_kernel, scaled_motion
 
 # Control points at either end that rest there: position, velocity and acceleration.
 _FIXED = 3
@@ -474,7 +474,16 @@ def _excess_kernel(pieces: Array, spans: Array, rates: Array, excess: Array) -> 
             fastest = fastest * load(rates[0], block)
             strongest = strongest * load(rates[1], block)
             roughest = roughest * load(rates[2], block)
-            velocity = max(velocity, largest_lane(fastest))
-            acceleration = max(acceleration, largest_lane(strongest))
-            jerk = max(jerk, largest_lane(roughest))
+            velocity = max(velocity, _largest_lane(fastest))
+            acceleration = max(acceleration, _largest_lane(strongest))
+            jerk = max(jerk, _largest_lane(roughest))
         excess[i] = max(velocity, math.sqrt(acceleration), jerk ** (1.0 / 3.0))
+
+
+@kernel(inline="code", allocates=False)
+def _largest_lane(value: Lanes) -> float:
+    """The largest number of a vector."""
+    largest = lane(value, 0)
+    for number in range(1, LANES):
+        largest = max(largest, lane(value, number))
+    return largest
