@@ -445,8 +445,8 @@ def line_deficit(
         count = min(LANES, parts - first)
         for number in range(count):
             shares[number] = (first + number + 0.5) / parts
-        write_states(work, a, b, shares, 0, count)
-        near = blocked_lanes(model, work, 0.0, (1 << count) - 1, 0, 0)
+        write_states(work, a, b, shares, count)
+        near = blocked_lanes(model, work, 0.0, (1 << count) - 1, 0)
         for number in range(count):
             if near >> number & 1 == 0:
                 continue

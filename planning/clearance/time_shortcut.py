@@ -2,8 +2,7 @@
 
 A path that was moved away from what it passes has many corners, and each of them costs time. Here
 waypoints are left out, drawn half-way or a fifth of the way to the line between their neighbours,
-put together two by two (half-way, or outside, where the legs beside them meet), or cut off,
-whichever brings most, as long as
+put together two by two, or cut off, whichever brings most, as long as
 
     cost = sum over legs of  time (1 + weight * shortfall / preferred)
 
@@ -27,7 +26,7 @@ from obstacles.collision.checker import Checker, any_model
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays, at_margins
 from obstacles.collision.proximity import line_deficit
-from planning.search.shortcut import Held, Look, all_look_free, are_proved, is_free, look_of
+from planning.search.shortcut import Held, Look, are_proved, is_free, look_of, looks_free
 from planning.timing.estimate import LEG_ROWS, Leg, estimated_time
 
 #: States looked at for their clearance are this far apart at most, Euclidean in joint space.
@@ -37,17 +36,16 @@ _SPACING = 0.25
 class Step(IntEnum):
     """Change at one waypoint of a path.
 
-    It is left out, drawn in, put together with the next half-way or where the legs beside both
-    meet, cut off at the half and at the quarter of its legs, drawn in by less.
+    It is left out, drawn in, put together with the next half-way, cut off at the half and at the
+    quarter of its legs, drawn in by less.
     """
 
     LEFT_OUT = 0
     DRAWN_IN = 1
     JOINED = 2
-    MET = 3
-    CUT_AT_HALF = 4
-    CUT_AT_QUARTER = 5
-    DRAWN_LESS = 6
+    CUT_AT_HALF = 3
+    CUT_AT_QUARTER = 4
+    DRAWN_LESS = 5
 
 
 _STEPS = len(Step)
@@ -90,7 +88,7 @@ class _Bounds(NamedTuple):
         preferred: The preferred clearance.
         least: The margins, and the slack.
         slack: Distance to keep beyond the margins [m].
-        limits: Of velocity, acceleration and jerk, then least and greatest position, shape (5, n).
+        limits: Of velocity, acceleration and jerk, shape (3, n).
         weight: Of a shortfall [1/m].
         later: Whether legs that lack nothing by the looks are proved free in the end.
     """
@@ -127,8 +125,7 @@ def quicken(
         return waypoints
     # Time that a motion in contact costs, as a multiple of that of one with the preferred
     # clearance.
-    weight, reach = 6.0 / preferred.model.margin, preferred.model.robot.chain.limits
-    limits = np.concatenate([limits, [reach.lower, reach.upper]])
+    weight = 6.0 / preferred.model.margin
     points = np.ascontiguousarray(waypoints, np.float64)
     slack = float(least.slack)
     bounds = _Bounds(look_of(preferred, 0.0), look_of(least), slack, limits, weight, True)
@@ -227,7 +224,7 @@ def _write_costs(bounds: _Bounds, way: _Way, count: int) -> None:
     for k in range(1, count - 1):
         for step in range(_STEPS):
             way.costs[k, step] = np.inf
-            if way.tried[k] & (1 << step) or (Step.JOINED <= step <= Step.MET and k == count - 2):
+            if way.tried[k] & (1 << step) or (step == Step.JOINED and k == count - 2):
                 continue
             size = _step(way, count, k, step)
             way.costs[k, step] = _cost(bounds, way.trial, way.expected, way.legs, size)
@@ -260,7 +257,7 @@ def _sizes(step: int) -> tuple[int, int]:
         return 1, 0
     if step in (Step.DRAWN_IN, Step.DRAWN_LESS):
         return 1, 1
-    return (2, 1) if Step.JOINED <= step <= Step.MET else (1, 2)
+    return (2, 1) if step == Step.JOINED else (1, 2)
 
 
 @kernel(allocates=False)
@@ -287,8 +284,6 @@ def _step(way: _Way, count: int, k: int, step: int) -> int:
     elif step == Step.JOINED:
         for j in range(points.shape[1]):
             trial[k, j] = 0.5 * (points[k, j] + points[k + 1, j])
-    elif step == Step.MET:
-        _meet(points, k, trial)
     elif step != Step.LEFT_OUT:
         share = 0.5 if step == Step.CUT_AT_HALF else 0.25
         for j in range(points.shape[1]):
@@ -312,29 +307,6 @@ def _draw_in(points: Array, k: int, part: float, trial: Array) -> None:
 
 
 @kernel(allocates=False)
-def _meet(points: Array, k: int, trial: Array) -> None:
-    """Write waypoint k where the legs before k and after k + 1, made longer, are closest.
-
-    Each of them is made longer by the distance of both waypoints at most.
-    """
-    aa, bb, ab, ac, bc, cc = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(points.shape[1]):
-        a, b = points[k, j] - points[k - 1, j], points[k + 1, j] - points[k + 2, j]
-        c = points[k + 1, j] - points[k, j]
-        aa, bb, ab = aa + a * a, bb + b * b, ab + a * b
-        ac, bc, cc = ac + a * c, bc + b * c, cc + c * c
-    # Points k + s a and k + 1 + t b: their distance is least where both derivatives are 0.
-    square = max(aa * bb - ab * ab, 1e-9 * aa * bb)
-    s = (ac * bb - bc * ab) / max(square, 1e-12)
-    t = (ac * ab - bc * aa) / max(square, 1e-12)
-    s = min(max(s, 0.0), np.sqrt(cc / max(aa, 1e-12)))
-    t = min(max(t, 0.0), np.sqrt(cc / max(bb, 1e-12)))
-    for j in range(points.shape[1]):
-        a, b = points[k, j] - points[k - 1, j], points[k + 1, j] - points[k + 2, j]
-        trial[k, j] = 0.5 * (points[k, j] + s * a + points[k + 1, j] + t * b)
-
-
-@kernel(allocates=False)
 def _try(
     model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, count: int, k: int, step: int,
     enough: float,
@@ -342,15 +314,13 @@ def _try(
     """Cost of the path after a step; infinite where that is not enough or not proved free."""
     trial, expected, legs = way.trial, way.expected, way.legs
     size = _step(way, count, k, step)
-    for j in range(trial.shape[1]):
-        if not bounds.limits[3, j] <= trial[k, j] <= bounds.limits[4, j]:
-            return np.inf
     cost = _cost(bounds, trial, expected, legs, size)
     taken, brought = _sizes(step)
     if not np.any(way.shortfall[k - 1 : k + taken]):
         way.checks[0] += 1
-        if not all_look_free(model, work, bounds.preferred, trial, k - 1, k + brought):
-            return np.inf
+        for i in range(k - 1, k + brought):
+            if not looks_free(model, work, bounds.preferred, trial[i], trial[i + 1]):
+                return np.inf
         way.checks[0] += brought
         if bounds.later:
             return cost

@@ -23,12 +23,12 @@ from typing import NamedTuple
 import numpy as np
 
 from compiled.kernel import direct, kernel
-from compiled.simd import LANES, on_stack
+from compiled.simd import on_stack
 from kinematics.arrays import Array, Indices
 from kinematics.model.chain import MAX_JOINTS
 from obstacles.collision.checker import Checker, any_model
 from obstacles.collision.edge_check import FREE
-from obstacles.collision.lanes.check import blocked_between, blocked_lanes, write_states
+from obstacles.collision.lanes.check import blocked_between
 from obstacles.collision.line_check import prove_line
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays, at_margins
@@ -70,41 +70,6 @@ def looks_free(model: ModelArrays, work: Workspace, look: Look, a: Array, b: Arr
         parts *= 2
     looked = at_margins(model, look.margin, look.own_margin)
     return not blocked_between(looked, work, a, b, look.slack, 2, parts)
-
-
-@kernel(allocates=False)
-def all_look_free(
-    model: ModelArrays, work: Workspace, look: Look, points: Array, first: int, last: int
-) -> bool:
-    """Whether all states are free that are looked at on the legs from row ``first`` to ``last``.
-
-    They are those of ``looks_free`` on each leg, and the waypoints between. All legs are looked at
-    coarsely before any is more finely, eight states at once: what is not free shows soon.
-    """
-    looked, shares = at_margins(model, look.margin, look.own_margin), on_stack(LANES)
-    lane, parts, going = 0, 1, True
-    while going:
-        going = False
-        for k in range(first, last):
-            coarse = 0.5 * parts * _SPACING < distance(points[k], points[k + 1])
-            if parts > _MAX_PARTS or (parts > 2 and not coarse) or (parts == 1 and k == last - 1):
-                continue
-            going, part = True, 1
-            while part <= parts:
-                begin = lane
-                while part <= parts and lane < LANES:
-                    shares[lane] = part / parts
-                    lane, part = lane + 1, part + 2
-                write_states(work, points[k], points[k + 1], shares, begin, lane)
-                if lane == LANES:
-                    if blocked_lanes(looked, work, look.slack, 0xFF, 0xFF, 0) != 0:
-                        return False
-                    lane = 0
-        going, parts = going or parts == 1, 2 * parts
-    if lane == 0:
-        return True
-    every = (1 << lane) - 1
-    return blocked_lanes(looked, work, look.slack, every, every, 0) == 0
 
 
 @kernel(allocates=False)

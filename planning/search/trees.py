@@ -18,12 +18,12 @@ from compiled.kernel import kernel
 from compiled.random import State, uniform_kernel
 from compiled.simd import LANES, choose, fill, lane, load, on_stack, store
 from kinematics.arrays import Array, Indices
-from obstacles.collision.edge_check import COLLIDING, FREE
-from obstacles.collision.lanes.check import blocked_between, blocked_lanes, write_states
+from obstacles.collision.edge_check import FREE
+from obstacles.collision.lanes.check import blocked_between
 from obstacles.collision.line_check import prove_line
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays
-from obstacles.collision.state_check import verdict_in
+from planning.search.shortcut import distance, path_length
 
 
 class Growth(IntEnum):
@@ -42,8 +42,6 @@ _MAX_INTERVALS = 800
 #: States of a step that are looked at, its end first, where that is all, and before a proof: half
 #: of the steps collide.
 _LOOKS, _LOOKS_BEFORE_PROOF = 4, 2
-#: The verdict on a step that was not looked at.
-_UNKNOWN = -1
 #: Cuts after which every step is proved before it is taken.
 _MAX_CUTS = 3
 
@@ -157,7 +155,7 @@ def grow_kernel(
     Returns:
         GOING, SPENT or FOUND.
     """
-    work, vectors, tally = workspace(model), np.empty((3, roots.shape[1])), trees.tally
+    work, vectors, tally = workspace(model), np.empty((2, roots.shape[1])), trees.tally
     if trees.sizes[0] == 0:
         _plant(trees, roots)
     while True:
@@ -204,7 +202,7 @@ def _grow(
 ) -> bool:
     """Grow both trees until they meet on a proved path or ``until`` edges; whether they meet.
 
-    ``vectors`` is room for a target and for the ends of two steps, (3, n).
+    ``vectors`` is room for a target and for the end of a step, (2, n).
     """
     target, tally, failed = vectors[0], trees.tally, 0
     while tally[Tally.EDGES] < until:
@@ -220,21 +218,17 @@ def _grow(
                 target[j] = trees.points[1, 0, j]
         else:
             near = _draw(trees, side, draws, target)
-        reached, node, follows = _extend(model, work, draws, trees, side, near, vectors)
+        reached = _step(model, work, draws, trees, side, near, vectors)
         if reached < 0:
             failed += 1
             continue
         failed = 0
         for j in range(target.shape[0]):
             target[j] = trees.points[side, reached, j]
-        left = square_distance(trees.points[1 - side], node, target)
-        if follows != _UNKNOWN and left > 0.0 and tally[Tally.EDGES] < until:
-            tally[Tally.EDGES] += 1
-            node = _take(trees, 1 - side, node, vectors[2], follows == FREE, False)
-            left = square_distance(trees.points[1 - side], max(node, 0), target)
+        node, left = nearest_node(trees.blocks[1 - side], trees.sizes[1 - side], target)
         while node >= 0 and left > 0.0 and tally[Tally.EDGES] < until:
             node = _step(model, work, draws, trees, 1 - side, node, vectors)
-            left = square_distance(trees.points[1 - side], max(node, 0), target)
+            left = distance(trees.points[1 - side, max(node, 0)], target)
         if node >= 0 and left == 0.0:
             tally[Tally.HERE] = reached if side == 0 else node
             tally[Tally.THERE] = node if side == 0 else reached
@@ -269,54 +263,6 @@ def _draw(trees: Trees, side: int, draws: Draws, target: Array) -> int:
 
 
 @kernel(allocates=False)
-def _extend(
-    model: ModelArrays, work: Workspace, draws: Draws, trees: Trees, side: int, at: int,
-    vectors: Array,
-) -> tuple[int, int, int]:  # fmt: skip
-    """``_step``, together with looks at the step of the other tree that is to follow it.
-
-    Two thirds of all steps end in something, which one state tells. The others share their looks
-    with the step towards their end: eight states cost little more than one.
-
-    Returns:
-        The number of the step, the node of the other tree that is nearest to its end, and the
-        verdict on the step from there, written into ``vectors[2]``, if it was looked at.
-    """
-    if trees.tally[Tally.CUTS] >= _MAX_CUTS:
-        reached = _step(model, work, draws, trees, side, at, vectors)
-        if reached < 0:
-            return reached, 0, _UNKNOWN
-        end = trees.points[side, reached]
-        node, _ = nearest_node(trees.blocks[1 - side], trees.sizes[1 - side], end)
-        return reached, node, _UNKNOWN
-    end, shares = vectors[1], on_stack(LANES)
-    trees.tally[Tally.EDGES] += 1
-    write_step(trees.points[side, at], vectors[0], draws.step, end)
-    if verdict_in(model, work, end, draws.slack, on_stack(1).view(np.int64)) != FREE:
-        return _take(trees, side, at, end, False, False), 0, _UNKNOWN
-    node, _ = nearest_node(trees.blocks[1 - side], trees.sizes[1 - side], end)
-    write_step(trees.points[1 - side, node], end, draws.step, vectors[2])
-    shares[0], shares[1], shares[2] = 0.5, 0.25, 0.75
-    write_states(work, trees.points[side, at], end, shares, 0, 3)
-    shares[3], shares[4], shares[5], shares[6] = 1.0, 0.5, 0.25, 0.75
-    write_states(work, trees.points[1 - side, node], vectors[2], shares, 3, 7)
-    blocked = blocked_lanes(model, work, draws.slack, 0b1111111, 0b111, 0b1111000)
-    reached = _take(trees, side, at, end, blocked & 0b111 == 0, False)
-    return reached, node, FREE if blocked & 0b1111000 == 0 else COLLIDING
-
-
-@kernel(allocates=False)
-def _take(trees: Trees, side: int, at: int, end: Array, free: bool, proved: bool) -> int:
-    """Add a step from node ``at`` to ``end`` if it is free; its number, -1 if it is not taken."""
-    if not free:
-        trees.met[side, at] = True
-        return -1
-    node = _add(trees, side, end, at)
-    trees.proved[side, node] = proved
-    return node
-
-
-@kernel(allocates=False)
 def _step(
     model: ModelArrays, work: Workspace, draws: Draws, trees: Trees, side: int, at: int,
     vectors: Array,
@@ -331,7 +277,12 @@ def _step(
     if free and proves:
         verdict = prove_line(model, work, origin, end, draws.slack, _MAX_INTERVALS, on_stack(4))
         free = verdict == FREE
-    return _take(trees, side, at, end, free, bool(proves))
+    if not free:
+        trees.met[side, at] = True
+        return -1
+    node = _add(trees, side, end, at)
+    trees.proved[side, node] = bool(proves)
+    return node
 
 
 @kernel(allocates=False)
@@ -398,7 +349,7 @@ def _keep_path(trees: Trees) -> None:
         for j in range(path.shape[1]):
             path[end, j] = points[1, node, j]
         node, end = parents[1, node], end + 1
-    if begin > 0 and path_length(path, begin, end) >= path_length(path, 0, begin):
+    if begin > 0 and path_length(path[begin:], end - begin) >= path_length(path, begin):
         return
     for row in range(begin, end):
         for j in range(path.shape[1]):
@@ -406,23 +357,12 @@ def _keep_path(trees: Trees) -> None:
     tally[Tally.PATH] = end - begin
 
 
-@kernel(allocates=False, inline="always")
-def square_distance(points: Array, i: int, q: Array) -> float:
-    """Square of the distance between row i of configurations (k, n) and another one (n,)."""
-    square = 0.0
-    for j in range(q.shape[0]):
-        square += (points[i, j] - q[j]) ** 2
-    return square
-
-
 @kernel(allocates=False)
 def write_step(origin: Array, target: Array, step: float, end: Array) -> None:
     """Write where a step from ``origin`` towards ``target`` ends, all (n,)."""
-    square = 0.0
-    for j in range(target.shape[0]):
-        square += (origin[j] - target[j]) ** 2
-    arrives = square <= step * step
-    share = 1.0 if arrives else step / math.sqrt(square)
+    length = distance(origin, target)
+    arrives = length <= step
+    share = 1.0 if arrives else step / length
     for j in range(target.shape[0]):
         end[j] = target[j] if arrives else origin[j] + share * (target[j] - origin[j])
 
@@ -431,16 +371,7 @@ def write_step(origin: Array, target: Array, step: float, end: Array) -> None:
 def is_detour(path: Array, count: int) -> bool:
     """Whether a path of so many waypoints (k, n) is a detour that is worth another search."""
     # Of shorter paths, shortening does what another pair of trees would do.
-    return path_length(path, 0, count) > 3.0 * math.sqrt(square_distance(path, 0, path[count - 1]))
-
-
-@kernel(allocates=False)
-def path_length(path: Array, begin: int, end: int) -> float:
-    """Length of the rows from ``begin`` to before ``end`` of a path (k, n)."""
-    length = 0.0
-    for row in range(begin + 1, end):
-        length += math.sqrt(square_distance(path, row - 1, path[row]))
-    return length
+    return path_length(path, count) > 3.0 * distance(path[0], path[count - 1])
 
 
 @kernel(allocates=False)

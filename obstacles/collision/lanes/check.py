@@ -12,7 +12,6 @@ from compiled.kernel import kernel
 from compiled.simd import (
     LANES,
     bits,
-    choose,
     load,
     on_stack,
     store,
@@ -80,40 +79,35 @@ def blocked_between(
         if part > parts:
             parts, part = 2 * parts, 1
         if count == LANES or parts > checks:
-            write_states(work, a, b, shares, 0, count)
+            write_states(work, a, b, shares, count)
             every = (1 << count) - 1
-            if blocked_lanes(model, work, margin, every, every, 0) != 0:
+            if blocked_lanes(model, work, margin, every, every) != 0:
                 return True
             count = 0
     return False
 
 
 @kernel(allocates=False)
-def write_states(work: Workspace, a: Array, b: Array, shares: Array, first: int, end: int) -> None:
-    """Write states on the way from a to b (n,) into lanes, from the first to before the end.
+def write_states(work: Workspace, a: Array, b: Array, shares: Array, end: int) -> None:
+    """Write states on the way from a to b (n,) into lanes.
 
     Args:
-        work: The workspace, whose lanes before the first stay; those behind repeat the last.
+        work: The workspace, whose lanes from the end on repeat the last state.
         a: Start of the motion, shape (n,).
         b: End of the motion, shape (n,).
         shares: Shares of the way, by lanes, shape (8,).
-        first: The first lane that is written.
-        end: The lane behind the last that is asked about, more than the first.
+        end: The lane behind the last that is asked about.
     """
-    numbers = on_stack(LANES)
-    for number in range(LANES):
-        numbers[number] = number
-        if number >= end:
-            shares[number] = shares[end - 1]
-    share, kept = load(shares, 0), load(numbers, 0) < first
+    for number in range(end, LANES):
+        shares[number] = shares[end - 1]
+    share = load(shares, 0)
     for j in range(a.shape[0]):
-        state = a[j] + (b[j] - a[j]) * share
-        store(work.lanes, LANES * j, choose(kept, load(work.lanes, LANES * j), state))
+        store(work.lanes, LANES * j, a[j] + (b[j] - a[j]) * share)
 
 
 @kernel(allocates=False)
 def blocked_lanes(
-    model: ModelArrays, work: Workspace, margin: float, asked: int, vital: int, together: int
+    model: ModelArrays, work: Workspace, margin: float, asked: int, vital: int
 ) -> int:
     """Verdicts on the eight states that a workspace begins with: bits of those that are not free.
 
@@ -121,9 +115,9 @@ def blocked_lanes(
         model: The packed robot and scene.
         work: A workspace of the model, its ``lanes`` beginning with the states.
         margin: Asked for on top of the pairs' own margins [m].
-        asked: States that are asked about, as bits, as are the next two.
-        vital: States of which one that is not free will do: the others may be left open then.
-        together: States that all count as not free where one of them is not.
+        asked: States that are asked about, as bits.
+        vital: States of which one that is not free will do, likewise: the others may be left open
+            then.
     """
     blocked = 0
     write_frames(model.chain, work.lanes)
@@ -133,13 +127,10 @@ def blocked_lanes(
             blocked |= _around_body(
                 model, work, body, model.margin + margin, asked & ~blocked, vital
             )
-        if blocked & together != 0:
-            blocked |= together
         if blocked == asked or blocked & vital != 0:
             return blocked
     apart = model.own_margin + margin
-    blocked |= _self_pairs(model, work, apart, asked & ~blocked, vital)
-    return blocked | together if blocked & together != 0 else blocked
+    return blocked | _self_pairs(model, work, apart, asked & ~blocked, vital)
 
 
 @kernel(allocates=False)
@@ -360,7 +351,7 @@ def mark_blocked(
                     # Lanes that are not asked about hold the last state once more.
                     work.lanes[LANES * j + number] = states[first + min(number, count - 1), j]
             every = (1 << count) - 1
-            found = blocked_lanes(model, work, margin, every, every if first_only else 0, 0)
+            found = blocked_lanes(model, work, margin, every, every if first_only else 0)
             for number in range(count):
                 blocked[first + number] = float(found >> number & 1)
             is_any = is_any or found != 0

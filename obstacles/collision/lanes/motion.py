@@ -76,7 +76,7 @@ def open_stretches(
     for batch in range(batches):
         for number in range(LANES):
             shares[number] = (LANES * batch + number + 0.5) / parts
-        write_states(work, start, end, shares, 0, LANES)
+        write_states(work, start, end, shares, LANES)
         place_stretches(model, work)
         if not many:
             own = _open_self_pairs(model, work, margin, entries, own)
