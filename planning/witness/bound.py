@@ -282,7 +282,7 @@ def _enter(solids: Solids, motion: tuple[Array, Array], begin: float, end: float
     return int(count)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _add_steps(c: Array, s: float, h: float, w: Cells, j: int, at: int) -> None:
     """Write the Bernstein coefficients of joint j on [s, s + h] from row ``at`` on."""
     k, a = c.shape[0], w.heights
@@ -303,7 +303,7 @@ def _add_steps(c: Array, s: float, h: float, w: Cells, j: int, at: int) -> None:
         w.steps[at + i, j] = total
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _twist(solids: Solids, w: Cells, j: int, count: int) -> None:
     """Write the twist of body j, by that of the body before it."""
     F, own, before = w.frames[j], w.twists[j + 1], w.twists[solids.bodies[PARENT, j] + 1]
@@ -317,7 +317,7 @@ def _twist(solids: Solids, w: Cells, j: int, count: int) -> None:
             own[3 + axis, i] = before[3 + axis, i] + w.steps[i, j] * shift[axis]
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _bound_moves(solids: Solids, w: Cells, e: int) -> None:
     """Bound how far solid e moves, seen from each body that it hangs on."""
     far, rest, body, center = 0.0, 0.0, solids.body[e], w.centers[e]
@@ -338,7 +338,7 @@ def _bound_moves(solids: Solids, w: Cells, e: int) -> None:
         body = solids.bodies[PARENT, body]
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _settle_pair(
     solids: Solids,
     w: Cells,
@@ -379,7 +379,7 @@ def _settle_pair(
     return TOUCHING if upper <= need else OPEN
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _try(
     solids: Solids,
     w: Cells,
@@ -408,7 +408,7 @@ def _turned(frames: Array, body: int, u: Vector) -> Vector:
     return u if body < 0 else rotate(frames[body], u)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _gap(
     solids: Solids, w: Cells, pair: tuple[int, int], known: tuple[int, int, float], u: Vector
 ) -> tuple[float, float]:
@@ -435,7 +435,7 @@ def _gap(
     for k, way in ((a, u), (b, back)):
         if solids.body[k] != meeting:
             _add_ball(solids, w, k, known, way)
-    loss = rest + w.heights[:count].max()
+    loss = rest + _highest(w.heights, count)
     if middle - loss > wanted or loss - rest > _TOO_FAR * (middle - rest - need):
         return middle, loss
     w.heights[:count] = middle
@@ -446,7 +446,16 @@ def _gap(
             still = _height(solids, w, k, way)
             for i in range(count):
                 w.heights[i] += still
-    return middle, rest + w.heights[:count].max()
+    return middle, rest + _highest(w.heights, count)
+
+
+@kernel(allocates=False, inline="code")
+def _highest(heights: Array, count: int) -> float:
+    """Largest of the first heights: ``max`` of a part of an array counts references."""
+    most = heights[0]
+    for i in range(1, count):
+        most = max(most, heights[i])
+    return float(most)
 
 
 @kernel(allocates=False)
@@ -462,7 +471,7 @@ def _height(solids: Solids, w: Cells, k: int, u: Vector) -> float:
     return float(along + rounding)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="code")
 def _add_ball(solids: Solids, w: Cells, k: int, known: tuple[int, int, float], u: Vector) -> None:
     """Add to ``heights`` how far the ball of solid k goes along a direction in the cell."""
     (count, meeting, _), heights, c = known, w.heights, w.centers

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled.kernel import direct, kernel
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import bounded_cache
 
 Bytes = NDArray[np.uint8]
@@ -67,27 +67,54 @@ def packed(value: Any) -> bytes:
         value: None, a text, a number, an array or a list of numbers, None among them or not, or
             dicts and lists of such.
     """
-    if isinstance(value, Packed):
-        return value.content
-    if value is None:
-        return bytes([_NONE])
-    if isinstance(value, str):
-        return bytes([_TEXT]) + _text(value)
-    if isinstance(value, dict):
-        parts = [bytes([_OBJECT]), _count(len(value))]
+    parts = list[Any]()
+    _collect(value, parts)
+    tables = [(k, part) for k, part in enumerate(parts) if type(part) is np.ndarray]
+    if tables:
+        # All numbers at once: a call for each of many small tables costs the most.
+        flat = np.concatenate([table for _, table in tables], dtype=np.float64)
+        out, ends = np.empty(_WIDEST * len(flat), np.uint8), np.empty(len(flat) + 1, np.int64)
+        used = _writer()(flat, flat.view(np.uint8), out, ends)
+        stops = ends[np.cumsum([len(table) for _, table in tables])].tolist()
+        content, begin = out[:used].tobytes(), 0
+        for (k, _), stop in zip(tables, stops, strict=True):
+            parts[k], begin = content[begin:stop], stop
+    return b"".join(parts)
+
+
+def _collect(value: Any, parts: list[Any]) -> None:
+    """Add a value to parts of a packed one, numbers of tables as they are."""
+    kind = type(value)
+    if kind is dict:
+        parts.append(_head(_OBJECT, len(value)))
         for name, item in value.items():
-            parts += [_name(name), packed(item)]
-        return b"".join(parts)
-    if isinstance(value, int | float) and -_WHOLE <= value < _LARGE - _WHOLE and value % 1 == 0:
-        return bytes([_NUMBERS, 0, int(value) + _WHOLE])
-    table = value if isinstance(value, np.ndarray) else _table(value)
-    if table is None:
-        return bytes([_LIST]) + _count(len(value)) + b"".join(map(packed, value))
-    flat = np.ascontiguousarray(table, dtype=np.float64).reshape(-1)
-    out = np.empty(_WIDEST * flat.size, dtype=np.uint8)
-    used = _writer()(flat, flat.view(np.uint8), out)
-    head = bytes([_NUMBERS, table.ndim]) + b"".join(map(_count, table.shape))
-    return head + out[:used].tobytes()
+            parts.append(_name(name))
+            _collect(item, parts)
+    elif kind is np.ndarray:
+        parts += (_head(_NUMBERS, value.ndim, *value.shape), value.ravel())
+    elif kind is str:
+        parts += (_head(_TEXT), _text(value))
+    elif kind is Packed:
+        parts.append(value.content)
+    elif value is None:
+        parts.append(_head(_NONE))
+    elif kind is list or kind is tuple:
+        table = _table(value)
+        if table is None:
+            parts.append(_head(_LIST, len(value)))
+            for item in value:
+                _collect(item, parts)
+        else:
+            _collect(table, parts)
+    elif -_WHOLE <= value < _LARGE - _WHOLE and value % 1 == 0:
+        parts.append(_head(_NUMBERS, 0, int(value) + _WHOLE))
+    else:
+        parts += (_head(_NUMBERS, 0), np.array([value], dtype=np.float64))
+
+
+@bounded_cache(maxsize=256, weigh=len)
+def _head(kind: int, *counts: int) -> bytes:
+    return bytes([kind]) + b"".join(map(_count, counts))
 
 
 def unpacked(content: bytes) -> Any:
@@ -168,23 +195,26 @@ def _count(value: int) -> bytes:
 
 
 @cache
-def _writer() -> Callable[[Array, Bytes, Bytes], int]:
+def _writer() -> Callable[[Array, Bytes, Bytes, Indices], int]:
     one = np.zeros(1)
-    return direct(write_numbers, one, one.view(np.uint8), one.view(np.uint8))
+    raw, counts = one.view(np.uint8), one.view(np.int64)
+    return direct(write_numbers, one, raw, raw, counts)
 
 
 @kernel
-def write_numbers(values: Array, raw: Bytes, out: Bytes) -> int:
+def write_numbers(values: Array, raw: Bytes, out: Bytes, ends: Indices) -> int:
     """Write numbers one after the other, and tell how many bytes they take.
 
     Args:
         values: The numbers, NaN for none, shape (n,).
         raw: The same in bytes, the lowest first, shape (8 n,).
         out: Filled, shape (9 n,).
+        ends: Filled with the bytes that the first numbers take, of none to all, shape (n + 1,).
     """
     at = 0
     for i in range(len(values)):
         x = values[i]
+        ends[i] = at
         if math.isnan(x):
             out[at] = _NULL
             at += 1
@@ -222,6 +252,7 @@ def write_numbers(values: Array, raw: Bytes, out: Bytes) -> int:
         out[at] = _DOUBLE
         out[at + 1 : at + 9] = raw[8 * i : 8 * i + 8]
         at += 9
+    ends[len(values)] = at
     return at
 
 

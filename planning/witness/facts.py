@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.trajectory.trajectory import Trajectory
-from obstacles.convex.piece import PieceArrays, PieceKind
+from obstacles.convex.piece import PieceKind
 from obstacles.robots.allowed_pairs import sorted_pair
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
@@ -21,6 +21,7 @@ from planning.proof.collision.proposals import ProposalRows, packed_pieces
 from planning.values.deadline import Deadline
 from planning.witness.bound import SETTLED, Search, Solids, search
 
+_CONE = int(PieceKind.CONE)
 #: Cells are halved at most so often.
 MAX_DEPTH = 16
 
@@ -54,27 +55,23 @@ class Facts(NamedTuple):
 
 def solids_of(robot: RobotGeometry, scene: Scene) -> Solids:
     """Solids of a robot, each in the frame of its body, and behind them those of a scene."""
-    arrays = PieceArrays.joined([robot.arrays, scene.pieces()[0]])
-    packed, e = packed_pieces(robot, scene, frozenset()), len(arrays)
-    numbers = np.arange(e, dtype=np.int64)
-    # Balls as checkers have them: a cone's is that of a cylinder.
-    centers, radii = arrays.centers.copy(), arrays.radii.copy()
-    cones = np.flatnonzero(arrays.kinds == PieceKind.CONE)
-    centers[cones] = arrays.poses[cones, :3, 3]
-    radii[cones] = np.hypot(arrays.sizes[cones, 0], arrays.sizes[cones, 1]) + arrays.sizes[cones, 2]
-    still = np.full(e - len(robot.pieces), -1, dtype=np.int64)
-    return Solids(
-        *joints_of(robot.chain),
-        np.concatenate([robot.joints, still]),
-        arrays.kinds,
-        arrays.starts,
-        np.ascontiguousarray(arrays.vertices.T),
-        arrays.sizes,
-        arrays.poses,
-        centers,
-        radii,
-        ProposalRows(packed.rows, numbers, np.full(e, -1), packed.corners, packed.tables),
+    blocks = robot.arrays, scene.pieces()[0]
+    kinds, sizes, poses, centers, radii = (
+        np.concatenate([getattr(block, name) for block in blocks])
+        for name in ("kinds", "sizes", "poses", "centers", "radii")
     )
+    columns = np.ascontiguousarray(np.concatenate([block.vertices for block in blocks]).T)
+    starts = np.concatenate([blocks[0].starts, blocks[1].starts[1:] + blocks[0].starts[-1]])
+    # Balls as checkers have them: a cone's is that of a cylinder.
+    for k in np.flatnonzero(kinds == _CONE):
+        centers[k], radii[k] = poses[k, :3, 3], np.hypot(*sizes[k, :2]) + sizes[k, 2]
+    packed, e = packed_pieces(robot, scene, frozenset()), len(kinds)
+    body, numbers = np.full(e, -1, dtype=np.int64), np.arange(e, dtype=np.int64)
+    body[: len(robot.pieces)] = robot.joints
+    return Solids(
+        *joints_of(robot.chain), body, kinds, starts, columns, sizes, poses, centers, radii,
+        ProposalRows(packed.rows, numbers, np.full(e, -1), packed.corners, packed.tables),
+    )  # fmt: skip
 
 
 def pairs_of(robot: RobotGeometry, scene: Scene, margin: float) -> Pairs:
@@ -85,27 +82,28 @@ def pairs_of(robot: RobotGeometry, scene: Scene, margin: float) -> Pairs:
         scene: Scene around the robot.
         margin: Distance to keep from obstacles beyond their own margins [m].
     """
-    own = robot.self_pairs
-    if scene.allowed_collisions:
-        names = robot.links
-        kept = [sorted_pair(names[a], names[b]) not in scene.allowed_collisions for a, b in own]
-        own = own[np.array(kept, dtype=np.bool_)]
     _, owners, margins = scene.pieces()
-    apart = _apart(robot, scene.ids, scene.allowed_collisions)
+    own, apart = _apart(robot, scene.ids, scene.allowed_collisions)
     first, second = np.nonzero(apart[:, owners])
-    around = np.column_stack([first, second + len(robot.pieces)])
-    needs = np.concatenate([np.zeros(len(own)), margins[second] + margin])
-    return Pairs(np.ascontiguousarray(np.concatenate([own, around]).astype(np.int64)), needs)
+    rows = np.empty((len(own) + len(first), 2), dtype=np.int64)
+    rows[: len(own)], rows[len(own) :, 0] = own, first
+    rows[len(own) :, 1] = second + len(robot.pieces)
+    needs = np.zeros(len(rows))
+    needs[len(own) :] = margins[second] + margin
+    return Pairs(rows, needs)
 
 
 @bounded_cache(maxsize=8)
 def _apart(
     robot: RobotGeometry, ids: tuple[str, ...], allowed: frozenset[tuple[str, str]]
-) -> Array:
-    """Whether pieces that move and obstacles have to stay apart, shape (p, obstacles)."""
-    rows = [[sorted_pair(link, name) not in allowed for name in ids] for link in robot.links]
-    apart = np.array(rows, dtype=np.bool_).reshape(len(robot.links), len(ids))
-    return np.asarray(apart & (robot.joints >= 0)[:, None])
+) -> tuple[Indices, NDArray[np.bool_]]:
+    """Pairs of pieces (m, 2) that have to stay apart, and obstacles from pieces that move."""
+    names = robot.links
+    kept = [sorted_pair(names[a], names[b]) not in allowed for a, b in robot.self_pairs]
+    rows = [[sorted_pair(link, name) not in allowed for name in ids] for link in names]
+    apart = np.array(rows, dtype=np.bool_).reshape(len(names), len(ids))
+    own = robot.self_pairs[np.array(kept, dtype=np.bool_)]
+    return own, apart & (robot.joints >= 0)[:, None]
 
 
 def facts_of(

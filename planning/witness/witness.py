@@ -5,7 +5,8 @@ touch) are told exactly; the hints are directions that part solids over cells of
 one proves nothing. The format is defined in docs/witness.md.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from planning.witness.facts import Facts, facts_of, pairs_of, solids_of
 FORMAT, VERSION = "armwright-witness", 2
 #: A frame is a rotation where no entry of R'R - 1 is larger.
 _RIGID = 1e-12
+_HALFSPACE = int(PieceKind.HALFSPACE)
 _JOINT_KINDS = ("revolute", "prismatic")
 _SOLID_KINDS = {
     PieceKind.POLYTOPE: "hull",
@@ -78,7 +80,8 @@ def witness(
     margin = constrained_margin(margin, constraints)
     solids, pairs = solids_of(robot, scene), pairs_of(robot, scene, margin)
     facts = facts_of(trajectory, solids, pairs, deadline)
-    premises = Premises.of_cell(robot, scene, margin)
+    premises, ends = Premises.of_cell(robot, scene, margin), [0.0, trajectory.duration]
+    start, goal = trajectory.sample(ends)
     bounds, broken = _limits(trajectory, robot.chain, wanted)
     effort = wanted.effort
     counts = {
@@ -104,8 +107,8 @@ def witness(
         "limits": bounds,
         "knots": trajectory.breaks,
         "polynomials": trajectory.coefficients,
-        "start": trajectory.start,
-        "goal": trajectory.end,
+        "start": start,
+        "goal": goal,
         "cells": facts.cells,
         "facts": _facts(facts, solids),
         "unwitnessed": [
@@ -179,30 +182,36 @@ def _may_touch(allowed: tuple[AllowedPair, ...]) -> Packed:
 @bounded_cache(maxsize=8)
 def _links(robot: RobotGeometry) -> tuple[Packed, ...]:
     """The robot's solids."""
-    rows = zip(robot.links, robot.joints.tolist(), strict=True)
-    return tuple(_packed(_solid(robot.arrays, k, *row)) for k, row in enumerate(rows))
+    bodies, none = robot.joints.tolist(), [0.0] * len(robot.links)
+    return tuple(_packed(row) for row in _solids(robot.arrays, robot.links, bodies, none))
 
 
-def _obstacles(scene: Scene, margin: float) -> list[dict[str, Any]]:
+def _obstacles(scene: Scene, margin: float) -> Iterator[dict[str, Any]]:
     """The scene's solids."""
     arrays, owners, margins = scene.pieces()
-    names, keep = scene.ids, (margins + margin).tolist()
-    return [
-        _solid(arrays, k, names[owner], -1) | {"margin": keep[k]}
-        for k, owner in enumerate(owners.tolist())
-    ]
+    ids, count = scene.ids, len(arrays)
+    names = [ids[owner] for owner in owners.tolist()]
+    return _solids(arrays, names, [-1] * count, (margins + margin).tolist())
 
 
-def _solid(arrays: PieceArrays, k: int, name: str, body: int) -> dict[str, Any]:
-    kind = PieceKind(int(arrays.kinds[k]))
-    radius, half_height, rounding = arrays.sizes[k].tolist()
-    row = {"name": name, "body": body, "kind": _SOLID_KINDS[kind]}
-    row["transform"] = _transform(arrays.poses[k])
-    if kind == PieceKind.POLYTOPE:
-        row["vertices"] = arrays.vertices[arrays.starts[k] : arrays.starts[k + 1]]
-    elif kind != PieceKind.HALFSPACE:
-        row |= {"radius": radius, "half_height": half_height}
-    return row | {"rounding": rounding}
+def _solids(
+    arrays: PieceArrays, names: Sequence[str], bodies: list[int], margins: list[float]
+) -> Iterator[dict[str, Any]]:
+    transforms, sizes, starts = arrays.poses[:, :3].reshape(-1, 12), arrays.sizes, arrays.starts
+    columns = zip(
+        names, bodies, arrays.kinds.tolist(), transforms, sizes.tolist(), margins,
+        pairwise(starts.tolist()), strict=True,
+    )  # fmt: skip
+    for name, body, kind, transform, (radius, half, rounding), margin, (first, last) in columns:
+        row = {"name": name, "body": body, "kind": _SOLID_KINDS[kind], "transform": transform}
+        if kind == PieceKind.POLYTOPE:
+            row["vertices"] = arrays.vertices[first:last]
+        elif kind != PieceKind.HALFSPACE:
+            row |= {"radius": radius, "half_height": half}
+        row["rounding"] = rounding
+        if margin:
+            row["margin"] = margin
+        yield row
 
 
 def _limits(
@@ -229,9 +238,9 @@ def _known(values: Array) -> Array:
 
 def _facts(facts: Facts, solids: Solids) -> dict[str, Indices]:
     """Facts by their kind."""
-    rows = facts.rows[facts.known]
-    along = solids.kinds[rows[:, 1]] == PieceKind.HALFSPACE
-    return {"plane": rows[~along], "half-space": rows[along, :3]}
+    rows = facts.rows if facts.known.all() else facts.rows[facts.known]
+    along = (solids.kinds == _HALFSPACE)[rows[:, 1]]
+    return {"plane": rows[~along] if along.any() else rows, "half-space": rows[along, :3]}
 
 
 def _unsettled(facts: Facts, robot: RobotGeometry, scene: Scene) -> list[dict[str, Any]]:
