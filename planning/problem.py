@@ -1,7 +1,7 @@
 """Planning problems: a robot in a scene, from a configuration to a goal."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -113,6 +113,8 @@ class Problem:
     start_velocity: Array | None = None
     start_acceleration: Array | None = None
     field_cell: tuple[RobotGeometry, Scene] | None = None
+    #: Whether the motion is to begin or end with a velocity or acceleration.
+    moving: bool = field(init=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.robot, RobotGeometry):
@@ -134,21 +136,19 @@ class Problem:
                 raise InvalidGoal(f"a goal is {goal!r:.60}, neither a JointGoal nor a PoseGoal")
             if isinstance(goal, JointGoal):
                 chain.state(goal.joints, "goal.joints")
+        moving = False
         for name, rates in self._rates():
+            moving = moving or bool(rates.any())
             if rates.shape != (chain.n,) or not np.isfinite(rates).all():
                 raise InvalidRobotState(
                     f"{name} must be {chain.n} finite numbers, one for each joint",
                     hint=f"The order is: {', '.join(chain.joint_names)}.",
                 )
+        object.__setattr__(self, "moving", moving)
         if not (np.isfinite(self.margin) and self.margin >= 0.0):
             raise InvalidGoal(f"margin is {self.margin}; it must be 0 or more")
         if self.constraints is not None:
             object.__setattr__(self, "margin", max(self.margin, self.constraints.margin))
-
-    @property
-    def moving(self) -> bool:
-        """Whether the motion is to begin or end with a velocity or acceleration."""
-        return any(rates.any() for _, rates in self._rates())
 
     def _rates(self) -> list[tuple[str, Array]]:
         """Velocities and accelerations that are given, with their names on the wire."""

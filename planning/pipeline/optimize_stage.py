@@ -217,8 +217,6 @@ class OptimizeStage:
 
 def check_ends(problem: Problem, parametrization: TimeParametrization) -> Failure | None:
     """Whether velocities and accelerations at the ends are within their limits, or which is not."""
-    if not problem.moving:
-        return None
     given = [("start", problem.start_velocity, problem.start_acceleration)]
     goals = [goal for goal in problem.goals if isinstance(goal, JointGoal)]
     given += [("goal", goal.velocity, goal.acceleration) for goal in goals]

@@ -202,8 +202,11 @@ class PathSearch:
     ) -> FoundPath | None:
         """The first path that keeps a clearance."""
         trials = clearance_trials(levels, ready.start, ready.goals[0])
-        paths = (self._try_clearance(ready, levels, one, until, proves=proves) for one in trials)
-        return next((path for path in paths if path is not None), None)
+        for trial in trials:
+            path = self._try_clearance(ready, levels, trial, until, proves=proves)
+            if path is not None:
+                return path
+        return None
 
     def _try_clearance(
         self,
@@ -222,9 +225,13 @@ class PathSearch:
         start = retreat(level.planned, least, ready.start)
         if start is None:
             return None
-        goals = [(goal, retreat(level.planned, least, goal)) for goal in ready.goals]
-        kept = [goal for goal, end in goals if end is not None]
-        ends = [end for _, end in goals if end is not None]
+        kept, ends, retreats = list[Array](), list[Array](), start is not ready.start
+        for goal in ready.goals:
+            end = retreat(level.planned, least, goal)
+            if end is not None:
+                kept.append(goal)
+                ends.append(end)
+                retreats = retreats or end is not goal
         if not kept:
             return None
         among = Ready(start, ends, ready.checkers, ready.notes, ready.best)
@@ -232,7 +239,7 @@ class PathSearch:
         found, _ = self._ask_planners(query, (level.planned, level.kept))
         if found is None:
             return None
-        if start is ready.start and all(a is b for a, b in zip(kept, ends, strict=True)):
+        if not retreats:
             return found._replace(motion_levels=(level.kept, level.preferred, level.preferred))
         lower = (level.kept, *levels[1:])
         return found._replace(motion_levels=lower, ends=Ends(ready.start, kept, ends, least))

@@ -83,7 +83,7 @@ def plan(
     """
     timeout = options.timeout
     deadline = Deadline.after(timeout) if within is None else within.at_most(timeout)
-    if brakes_first(problem, options):
+    if problem.moving and brakes_first(problem, options):
         limits = proved_limits(problem, options)
         return plan_braking(
             problem, options, surroundings(problem, options), limits,
@@ -96,7 +96,7 @@ def plan(
     options = with_limits(options, problem.constraints)
     parametrization = _time_parametrization(problem, options)
     problem, moved = _measured_rates(problem, parametrization)
-    wrong = check_ends(problem, parametrization)
+    wrong = check_ends(problem, parametrization) if problem.moving else None
     if wrong is not None:
         return wrong
     stages = Stages(options.observer)
@@ -249,10 +249,10 @@ class _Pipeline:
         """Run the stages after preflight, with the fallback where the planners come to nothing."""
         if not self.fallback:
             answer = self._plan_by(self.planners, ready, options)
-            reserved = with_reserve(self.planners)
-            if isinstance(answer, Plan) or answer.code != "INVALID_MOTION_PLAN" or not reserved:
+            if isinstance(answer, Plan) or answer.code != "INVALID_MOTION_PLAN":
                 return answer
-            other = self._plan_by(reserved, ready, options)
+            reserved = with_reserve(self.planners)
+            other = self._plan_by(reserved, ready, options) if reserved else answer
             return other if isinstance(other, Plan) else answer
         # The fallback has as much time as the planners before it at least.
         until = self.deadline.within(0.5 * self.deadline.remaining)

@@ -100,12 +100,13 @@ def _pack(checker: Checker, deadline: Deadline | None) -> Failure | None:
 
     Fine meshes that were never seen are cut and sorted here, which nothing interrupts.
     """
-    if deadline is None or deadline.passed:
+    if deadline is None:
         return None
-    left, began = deadline.remaining, time.monotonic()
+    began = time.monotonic()
     _ = checker.model.arrays
     spent = time.monotonic() - began
-    return packing_failure(spent) if deadline.passed and spent > 0.5 * left else None
+    half = spent > 0.5 * (deadline.at - began)
+    return packing_failure(spent) if half and deadline.passed else None
 
 
 def _exact_checker(problem: Problem) -> Checker:

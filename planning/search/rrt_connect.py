@@ -113,12 +113,13 @@ class TreePairs:
         checker, roots = self.checker, self.roots
         budget = min(options.budget, self.max_edges - self.edges)
         trees = new_trees(len(roots), checker.model.robot.chain.n, budget, self._random())
-        outcome: int = Growth.GOING
         grow, draws, until = _grow_directly(), self._draws(options), 0
-        while outcome == Growth.GOING and not self.deadline.passed:
+        while True:
             # Edges looked at between two checks of the clock.
             until += 250
             outcome = grow(checker.model.arrays, trees, draws, roots, budget, until)
+            if outcome != Growth.GOING or self.deadline.passed:
+                break
         before, nodes = int(trees.tally[Tally.EDGES_BEFORE]), int(trees.tally[Tally.PATH])
         runs = 2 if before else 1
         self.edges += before + int(trees.tally[Tally.EDGES])

@@ -34,7 +34,7 @@ from planning.timing.path.blend import (
     merge,
     reach_for_deviation,
 )
-from planning.timing.spline.quintic_fit import SPAN_RATES, even_parts
+from planning.timing.spline.quintic_fit import SPAN_RATES
 from planning.timing.spline.spline import Ends
 from planning.timing.time_scaling import ScaledTime
 from planning.values.deadline import Deadline
@@ -175,13 +175,12 @@ class _RoundedMotion:
         """
         if wide is not None and not np.array_equal(reaches, wide.reaches):
             wide = None
-        splines = list[ScaledTime]()
+        splines, legs = list[ScaledTime](), len(self.points) - 1
         for rate in SPAN_RATES:
-            parts = even_parts(float(rounded.breaks[-1]), len(self.points) - 1, rate)
             if wide is not None and not splines:
                 spline: ScaledTime | None = wide.spline
             else:
-                spline = self.parametrization.spline_near(rounded, names, parts)
+                spline = self.parametrization.spline_near(rounded, names, legs, rate)
             if spline is None:
                 continue
             if self._is_as_clear(spline.trajectory, rounded):
@@ -220,8 +219,8 @@ class _RoundedMotion:
         rounded = self.parametrization.near_corners(self.points, reaches)
         if rounded is None:
             return None
-        parts = even_parts(float(rounded.breaks[-1]), len(self.points) - 1, SPAN_RATES[0])
-        spline = self.parametrization.spline_near(rounded, names, parts)
+        legs = len(self.points) - 1
+        spline = self.parametrization.spline_near(rounded, names, legs, SPAN_RATES[0])
         if spline is None or not self._is_allowed(spline.trajectory):
             return None
         return _Wide(reaches, spline, _keeps(self.preferred[0], spline.trajectory))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,7 +39,7 @@ from planning.values.limits import EffortLimits, MotionLimits
 WORTH = 1.1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class TimeParametrization:
     """Method and limits that paths are timed by.
 
@@ -58,7 +59,7 @@ class TimeParametrization:
     down a little; ``even_corners``, whether rounded corners are passed at constant speed, at
     rest at the ends and without loads; ``jerk_bounds``, limits of velocity, acceleration and
     jerk, shape (3, n), where jerk is limited; ``bounds``, the limits that a motion is held to,
-    by quantity.
+    by quantity; ``near_path``, whether a spline near the path is tried where it is proved free.
     """
 
     method: TimingMethod
@@ -74,8 +75,7 @@ class TimeParametrization:
     even_corners: bool = field(init=False, repr=False)
     jerk_bounds: Array = field(init=False, repr=False)
     bounds: Mapping[str, Array] = field(init=False, repr=False)
-    _estimate_limits: Array | None = field(default=None, init=False, repr=False)
-    _kernel_loads: SpanLoads | None = field(default=None, init=False, repr=False)
+    near_path: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         moving = any(v is not None and v.any() for v in (self.start_velocity, self.end_velocity))
@@ -86,6 +86,7 @@ class TimeParametrization:
             object.__setattr__(self, "jerk_bounds", frozen(np.stack([*bounds.values()])))
         object.__setattr__(self, "bounds", bounds)
         object.__setattr__(self, "few_pieces", few_pieces)
+        object.__setattr__(self, "near_path", few_pieces and self.method.near_path)
         object.__setattr__(self, "even_corners", few_pieces and self.loads is None)
 
     @property
@@ -107,22 +108,24 @@ class TimeParametrization:
             waypoints: Shape (k, n), merged.
             reaches: Reaches for ``blend``, within the largest ones, shape (k - 2,).
         """
-        if not (self.method.near_path and self.few_pieces and len(waypoints) > 2):
+        if not (self.near_path and len(waypoints) > 2):
             return None
         return rounded_pieces_kernel(waypoints, reaches, self.jerk_bounds)
 
     def spline_near(
-        self, motion: Pieces, joint_names: Sequence[str], parts: Array
+        self, motion: Pieces, joint_names: Sequence[str], legs: int, rate: float
     ) -> ScaledTime | None:
         """The spline of few pieces near a motion; None where it takes far longer than the motion.
 
         Args:
             motion: Motion of ``near_corners``.
             joint_names: n names.
-            parts: Parts of the motion's time, one for each span, as in ``fit_pieces``.
+            legs: Number of the straight legs of its path.
+            rate: Spans for each second of the motion [1/s].
         """
+        parts = even_parts(float(motion.breaks[-1]), legs, rate)
         fitted = fit_pieces(motion, joint_names, self.jerk_bounds, parts, self._span_loads)
-        spline = self._slow_down_a_little(fitted)
+        spline = fitted if self.loads is None else self._slow_down_a_little(self.loads, fitted)
         if spline is None or spline.trajectory.duration > WORTH * motion.breaks[-1]:
             return None
         return spline
@@ -136,7 +139,7 @@ class TimeParametrization:
             motion: Motion from rest to rest, within all limits.
             joint_names: n names.
         """
-        if self.loads is None or not (self.method.near_path and self.few_pieces):
+        if self.loads is None or not self.near_path:
             return
         # Spans for each second of a motion within loads that are tried in turn [1/s]: 16 and 19
         # pieces in 1.6 s. Loads bind here and there, and more spans follow that more closely.
@@ -159,22 +162,19 @@ class TimeParametrization:
                 continue
             yield spline._replace(solver=fitted.solver)
 
-    @property
+    @cached_property
     def _span_loads(self) -> SpanLoads | None:
-        if self._kernel_loads is None and self.loads is not None:
-            object.__setattr__(self, "_kernel_loads", span_loads(self.loads))
-        return self._kernel_loads
+        return None if self.loads is None else span_loads(self.loads)
 
-    def _slow_down_a_little(self, scaled: ScaledTime) -> ScaledTime | None:
+    @staticmethod
+    def _slow_down_a_little(loads: EffortLimits, scaled: ScaledTime) -> ScaledTime | None:
         """The motion slowed down for the loads; None where that takes far longer than without.
 
         Without the loads nothing is much faster: what keeps them by a little more time is worth its
         few pieces.
         """
-        if self.loads is None:
-            return scaled
         try:
-            slowed = slow_down(self.loads, scaled, WORTH * scaled.trajectory.duration)
+            slowed = slow_down(loads, scaled, WORTH * scaled.trajectory.duration)
         except TimingFailed:
             return None
         return slowed._replace(solver=scaled.solver)
@@ -191,16 +191,12 @@ class TimeParametrization:
             return largest
         return fastest_reaches(waypoints, self.jerk_bounds, largest)
 
-    @property
+    @cached_property
     def estimate_limits(self) -> Array:
         """Limits of velocity, acceleration and jerk for estimates of times, shape (3, n)."""
-        if self._estimate_limits is None:
-            limits = estimate_limits(self.velocity, self.acceleration, self.jerk)
-            object.__setattr__(self, "_estimate_limits", frozen(limits))
-        assert self._estimate_limits is not None
-        return self._estimate_limits
+        return frozen(estimate_limits(self.velocity, self.acceleration, self.jerk))
 
-    @property
+    @cached_property
     def motion_limits(self) -> MotionLimits:
         """Limits that a motion is proved within: its bounds, and the jerk that is ignored."""
         ignored = {} if self.ignored_jerk is None else {"jerk": self.ignored_jerk}
@@ -242,7 +238,7 @@ class TimeParametrization:
             return time_even_corners(path, joint_names, self.jerk_bounds)
         if self.few_pieces and not reaches.any():
             legs = time_even_corners(path, joint_names, self.jerk_bounds)
-            slowed = self._slow_down_a_little(legs)
+            slowed = legs if self.loads is None else self._slow_down_a_little(self.loads, legs)
             if slowed is not None:
                 return slowed
         rounded = self.time(path, joint_names)

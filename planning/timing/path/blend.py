@@ -464,18 +464,20 @@ def certified_reaches(
         widest = np.minimum(widest, most)
     found = np.zeros(len(widest))
     trial = widest.copy()
+    if deadline.passed:
+        return found
     for level in (*preferred, checker):
         is_last = level is checker
         # How often a corner's reach is halved before the motion stops there instead.
         # Reaches tried at a corner to keep a preferred clearance: narrower ones cost much time.
         halvings = 7 if is_last else 3
-        if deadline.passed or not any(trial.tolist()):
+        if not any(trial.tolist()):
             break
         search = level.round_corners(waypoints, trial, halvings, keep=not is_last, smooth=smooth)
         for done in search:
             np.maximum(found[:done], trial[:done], out=found[:done])
             if deadline.passed:
-                break
+                return found
         if not is_last:
             trial = np.where(found > 0.0, 0.0, widest)
     return found
