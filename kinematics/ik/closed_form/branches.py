@@ -88,8 +88,7 @@ def branches_kernel(  # noqa: C901, PLR0912
             if not math.isfinite(target[row, column]):
                 return -2
     candidates = on_stack(_CANDIDATES_SIZE).reshape((_CANDIDATES, WIDTH))
-    redundant = plan[HEADER, KIND] == REDUNDANT
-    joints = 7 if redundant else 6
+    joints = 7 if plan[HEADER, KIND] == REDUNDANT else 6
     free = on_stack(_FREE_SIZE)[: _MEMBERS * joints].reshape((_MEMBERS, joints))
     pose, lanes, q = on_stack(COLUMNS), on_stack(VERIFIED), on_stack(MAX_JOINTS)[:n]
     problem = Problem(arm, frame_kernel(target), seed, tolerance)
@@ -121,10 +120,9 @@ def branches_kernel(  # noqa: C901, PLR0912
             members = 1
             table = CandidateTable(free[:1], slack, candidates)
         if not exact:
-            if hard and (redundant or not alone):
-                starts = _AROUND if alone else _AROUND // 4
+            if hard and not alone:
                 count = add_nearby_branches_kernel(
-                    problem, candidates[:number], starts, 0, q, out, count
+                    problem, candidates[:number], _AROUND // 4, 0, q, out, count
                 )
             nudges = _NUDGES if count == before else (_NUDGES // 4 if alone and hard else 0)
             number, count = add_perturbed_branches_kernel(

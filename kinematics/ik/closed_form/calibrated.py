@@ -11,7 +11,6 @@ import math
 import numpy as np
 
 from compiled.kernel import kernel
-from compiled.linear_solve import cholesky_solve_kernel
 from compiled.random import State, uniform_kernel
 from kinematics.arrays import Array, Indices
 from kinematics.ik.closed_form.continuation import (
@@ -37,6 +36,7 @@ from kinematics.ik.closed_form.refine import (
 )
 from kinematics.ik.closed_form.structure import (
     BRANCH,
+    CHAIN_JOINTS,
     COLUMNS,
     FAMILY,
     HEADER,
@@ -192,8 +192,6 @@ _UNCERTAIN = 1e-8
 #: Branches that some direction moves by less than this [m or rad a radian] may have others along
 #: it.
 _FOLD = 0.03
-#: A redundant arm is searched for them so far along that direction [rad].
-_STEPS_ASIDE = (1e-4, 1e-3, 1e-2, 5e-2, 0.2, 0.6)
 #: Two singular values below so many times the root of what the arm misses make a singularity of
 #: both.
 _FOLD_TWICE = 2.0
@@ -229,9 +227,7 @@ def add_curve_branches_kernel(  # noqa: PLR0912, PLR0915
     """
     arm, T, tolerance = problem.arm, problem.T, problem.tolerance
     plan, model, link, n = arm.plan, arm.model, arm.link, q.shape[0]
-    joints = np.empty(JOINTS, dtype=np.int64)
-    if not _write_moving_joints(arm, joints):
-        return _add_twins(problem, before, q, out, count)
+    joints = _moving_joints(arm)
     count = _sharpen_branches(problem, joints, before, q, out, count)
     J, start, w = np.empty((6, n)), np.empty(n), np.empty(6)
     u, v, second, none = np.empty(6), np.empty(6), np.empty(6), np.zeros(6)
@@ -296,15 +292,14 @@ def add_curve_branches_kernel(  # noqa: PLR0912, PLR0915
 
 
 @kernel
-def _write_moving_joints(arm: Arm, joints: Indices) -> bool:
-    """Write the joints that carry the link and are not held into ``joints``; whether they fit."""
-    number, held, model = 0, int(arm.plan[HEADER, HELD]), arm.model
-    for j in range(int(model[1 + int(model[0, 0]) + arm.link, 0]) + 1):
-        if j != held:
-            if number < JOINTS:
-                joints[number] = j
+def _moving_joints(arm: Arm) -> Indices:
+    """The six joints that carry the link and are not held."""
+    joints, number = np.empty(JOINTS, dtype=np.int64), 0
+    for j in range(int(arm.plan[HEADER, CHAIN_JOINTS])):
+        if j != int(arm.plan[HEADER, HELD]):
+            joints[number] = j
             number += 1
-    return number == JOINTS
+    return joints
 
 
 @kernel
@@ -315,10 +310,8 @@ def is_balanced_kernel(arm: Arm, before: int, q: Array, out: Array, count: int) 
     none: what is out of balance lacks one. True where a sign is not certain.
     """
     n = q.shape[0]
-    joints, J, M, total = np.empty(JOINTS, dtype=np.int64), np.empty((6, n)), np.empty((6, 6)), 0
+    joints, J, M, total = _moving_joints(arm), np.empty((6, n)), np.empty((6, 6)), 0
     u, v = np.zeros(6), np.empty(6)
-    if not _write_moving_joints(arm, joints):
-        return True
     for k in range(before, count):
         q[:] = out[k, :n]
         frame_and_jacobian_kernel(arm.model, q, arm.link, J)
@@ -351,56 +344,3 @@ def _sharpen_branches(
         about = (rows[k, n + CODE], rows[k, n + GROUP], rows[k, n + VALUE])
         count = admit_kernel(problem, error, about, q, out, count)
     return count
-
-
-@kernel
-def _add_twins(problem: Problem, before: int, q: Array, out: Array, count: int) -> int:
-    """Look for the twin of each branch that is near a fold, where two of them meet.
-
-    It lies along the direction that moves the link least. The form may have one root there, or
-    none, where the true arm has two.
-    """
-    model, link, T = problem.arm.model, problem.arm.link, problem.T
-    n, held = q.shape[0], int(problem.arm.plan[HEADER, HELD])
-    J, v, unlimited = np.empty((6, n)), np.empty(n), np.full(n, np.inf)
-    k = before
-    while k < count:
-        q[:] = out[k, :n]
-        frame_and_jacobian_kernel(model, q, link, J)
-        if _least_moving(J, held, int(model[1 + n + link, 0]), v) < _FOLD:
-            for step in _STEPS_ASIDE:
-                for side in (1.0, -1.0):
-                    for j in range(n):
-                        q[j] = out[k, j] + side * step * v[j]
-                    error = refine_kernel(model, link, T, -unlimited, unlimited, held, q)
-                    about = (out[k, n + CODE], 0.0, out[k, n + VALUE])
-                    count = admit_kernel(problem, error, about, q, out, count)
-        k += 1
-    return count
-
-
-@kernel
-def _least_moving(J: Array, held: int, last: int, v: Array) -> float:
-    """Write the direction that J (6, n) stretches least into v, by inverse iteration; how much."""
-    n = v.shape[0]
-    H = np.empty((n, n))
-    if held >= 0:
-        J[:, held] = 0.0
-    for j in range(n):
-        v[j] = 1.0 + 0.1 * j if j <= last and j != held else 0.0
-    for _ in range(3):
-        for a in range(n):
-            for b in range(a + 1):
-                H[a, b] = 0.0
-                for i in range(6):
-                    H[a, b] += J[i, a] * J[i, b]
-            H[a, a] += 1e-14 if a <= last and a != held else 1.0
-        cholesky_solve_kernel(H, v, n)
-        v /= math.sqrt(np.sum(v * v))
-    square = 0.0
-    for i in range(6):
-        along = 0.0
-        for j in range(n):
-            along += J[i, j] * v[j]
-        square += along * along
-    return math.sqrt(square)

@@ -30,15 +30,10 @@ from kinematics.arrays import Array
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel, step_kernel, turn_kernel
 from kinematics.ik.closed_form.parallel import parallel_kernel
 from kinematics.ik.closed_form.redundant import arm_angle_kernel, redundant_kernel
-from kinematics.ik.closed_form.spherical import (
-    add_general_arms_kernel,
-    add_parallel_arms_kernel,
-    flange_kernel,
-)
+from kinematics.ik.closed_form.spherical import flange_kernel, spherical_kernel
 from kinematics.ik.closed_form.structure import (
     BRANCH,
     FAMILY,
-    GENERAL,
     HEADER,
     HELD,
     INDEX,
@@ -337,10 +332,7 @@ def candidates_kernel(
     start, flange = count, flange_kernel(plan, t)
     kind = int(plan[HEADER, KIND])
     if kind == SPHERICAL:
-        if plan[HEADER, GENERAL] == 0.0:
-            count = add_parallel_arms_kernel(plan, table, flange, count)
-        else:
-            count = add_general_arms_kernel(plan, table, flange, count)
+        count = spherical_kernel(plan, table, flange, count)
     elif kind == THREE_PARALLEL:
         count = parallel_kernel(plan, flange, table, count)
     else:

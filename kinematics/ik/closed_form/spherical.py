@@ -7,8 +7,7 @@ is p, and with f(q3) = p_3 + R_3 Rz(q3) w in the frame that turns with joint 2,
 
 The turn by q1 keeps the z component and the length. With y = Rz(q2) f in the plane across axis 2
 these are two linear equations N y = h(q3) with |y|^2 = |f|^2 - f_z^2, solved by ``pair_kernel`` for
-any three axes. Where axes 2 and 3 are parallel, as in most arms, q1 comes first and the rest is a
-triangle. The last three angles are those of the rotation that is left.
+any three axes, parallel ones too. The last three angles are those of the rotation that is left.
 """
 
 import math
@@ -33,10 +32,7 @@ from kinematics.ik.closed_form.subproblem import (
     ANY_ANGLE,
     BOTH_SIDES,
     NO_SOLUTION,
-    SOLVED,
     TINY,
-    cosine_kernel,
-    elbow_kernel,
     orient_kernel,
     pair_kernel,
 )
@@ -204,52 +200,8 @@ def add_kernel(
 
 
 @kernel(allocates=False)
-def add_parallel_arms_kernel(plan: Array, table: CandidateTable, flange: Flange, count: int) -> int:
-    """Arms whose axes 2 and 3 are parallel: q1 from the depth along them, then a triangle."""
-    free, slack, p = table.free, table.slack, flange.origin
-    A2, A3, A4 = plan[2], plan[3], plan[4]
-    nx, ny, nz = A2[3], A2[7], A2[11]
-    offset = A3[12] + A4[12] + nx * A2[4] + ny * A2[8] + nz * A2[12]
-    status, cp, sp, cd, sd = cosine_kernel(
-        nx * p[0] + ny * p[1], nx * p[1] - ny * p[0], offset - nz * p[2], slack
-    )
-    if status == NO_SOLUTION:
-        return count
-    # W in the frame of joint 3, turned as the offset before it is: what is found then is q3.
-    bx, by = A3[1] * A4[4] + A3[2] * A4[8], A3[5] * A4[4] + A3[6] * A4[8]
-    family = -(count + 1.0) if status == ANY_ANGLE else 0.0
-    for i in range(2 if status == SOLVED else free.shape[0]):
-        side = 1.0 - 2.0 * i
-        c1, s1 = cp * cd - side * sp * sd, sp * cd + side * cp * sd
-        code = 4.0 * i
-        if status == ANY_ANGLE:
-            c1, s1, code = math.cos(free[i, 0]), math.sin(free[i, 0]), 0.0
-        elif i == 1 and sd < TINY:
-            break
-        gx, gy = c1 * p[0] + s1 * p[1] - A2[4], c1 * p[1] - s1 * p[0] - A2[8]
-        gz = p[2] - A2[12]
-        u = A2[1] * gx + A2[5] * gy + A2[9] * gz
-        v = A2[2] * gx + A2[6] * gy + A2[10] * gz
-        for j in range(2):
-            state, c2, s2, c3, s3 = elbow_kernel(u, v, A3[4], A3[8], bx, by, 1.0 - 2.0 * j, slack)
-            if state == NO_SOLUTION:
-                break
-            if state == ANY_ANGLE:
-                number = family_kernel(family, count)
-                for k in range(free.shape[0]):
-                    arm = (c1, s1, math.cos(free[k, 1]), math.sin(free[k, 1]), c3, s3)
-                    count = _add_wrists(plan, table, flange.x, flange.z, arm, code, number, count)
-                break
-            arm = (c1, s1, c2, s2, c3, s3)
-            count = _add_wrists(plan, table, flange.x, flange.z, arm, code + 2.0 * j, family, count)
-            if state == BOTH_SIDES:
-                break
-    return count
-
-
-@kernel(allocates=False)
-def add_general_arms_kernel(plan: Array, table: CandidateTable, flange: Flange, count: int) -> int:
-    """Arms of any three axes."""
+def spherical_kernel(plan: Array, table: CandidateTable, flange: Flange, count: int) -> int:
+    """Add the candidates for one pose from row ``count`` on; the new count."""
     free, p = table.free, flange.origin
     A2, A3, A4 = plan[2], plan[3], plan[4]
     # Joint 2's frame sees p_2 and axis 1 so.

@@ -38,9 +38,8 @@ REVERSED = 1
 #: Index of the joint that is held at the parameter, -1 for none.
 HELD = 2
 #: Number of joints of the chain that take part.
-JOINTS = 3
-#: 0 where axes are special enough for the shorter way: axes 2 and 3 parallel before a spherical
-#: wrist, or axes 5 and 6 meeting behind three parallel axes.
+CHAIN_JOINTS = 3
+#: 0 where axes 5 and 6 meet behind three parallel axes, which leaves an equation of q1 alone.
 GENERAL = 4
 #: How far the arm's axes are from the form [m or rad].
 MISS = 5
@@ -210,7 +209,9 @@ def _forms(chain: Chain, T_joint_link: Array, m: int, lock: int | None) -> list[
     frames, home = np.array(F), T
     if m == 7 and lock is None:
         form = _two_spheres(frames)
-        return [] if form is None else [_pack("redundant", False, lock, m, form, home, used)]
+        # One that misses the form has it with its first or its last joint held.
+        exact = form is not None and form.miss <= EXACT
+        return [_pack("redundant", False, lock, m, form, home, used)] if form and exact else []
     forms = []
     for reverse in (False, True):
         order = used[::-1] if reverse else used
@@ -231,7 +232,7 @@ class _Form:
     frames: Array
     signs: Array
     miss: float
-    special: bool
+    special: bool = False
 
 
 def _two_spheres(F: Array) -> _Form | None:
@@ -243,21 +244,16 @@ def _two_spheres(F: Array) -> _Form | None:
         return None
     frames = F.copy()
     frames[:3, :3, 3], frames[4:, :3, 3] = S, W
-    return _Form(frames, np.ones(7), miss, True)
+    return _Form(frames, np.ones(7), miss)
 
 
 def _wrist(F: Array) -> _Form | None:
     W, miss = _meeting(F[3:])
     if miss > NEAR_LENGTH or _angle(F[3], F[4]) < _DISTINCT or _angle(F[4], F[5]) < _DISTINCT:
         return None
-    frames, signs = F.copy(), np.ones(6)
+    frames = F.copy()
     frames[3:, :3, 3] = W
-    tilt = _angle(F[1], F[2])
-    special = tilt <= (1e-6 if miss <= EXACT else NEAR_ANGLE) and _angle(F[0], F[1]) > _DISTINCT
-    if special:
-        _align(frames, signs, F[1, :3, 2], (1, 2))
-        miss = max(miss, tilt)
-    return _Form(frames, signs, miss, special)
+    return _Form(frames, np.ones(6), miss)
 
 
 def _parallels(F: Array) -> _Form | None:
@@ -269,24 +265,20 @@ def _parallels(F: Array) -> _Form | None:
     if miss > NEAR_ANGLE or min(apart) < _DISTINCT:
         return None
     frames, signs = F.copy(), np.ones(6)
-    _align(frames, signs, n, (1, 2, 3))
+    # Turn the axes onto one direction, by the smallest turn or half a turn and that.
+    for i in (1, 2, 3):
+        if frames[i, :3, 2] @ n < 0.0:
+            frames[i] = frames[i] @ _FLIP
+            signs[i] = -1.0
+        x = frames[i, :3, 0] - (frames[i, :3, 0] @ n) * n
+        x /= np.linalg.norm(x)
+        frames[i, :3, :3] = np.column_stack([x, np.cross(n, x), n])
     point, gap = _meeting(F[4:])
     special = gap <= (1e-6 if miss <= EXACT else NEAR_LENGTH)
     if special:
         frames[4:, :3, 3] = point
         miss = max(miss, gap)
     return _Form(frames, signs, miss, special)
-
-
-def _align(frames: Array, signs: Array, z: Array, which: tuple[int, ...]) -> None:
-    """Turn axes onto one direction, by the smallest turn or half a turn and that."""
-    for i in which:
-        if frames[i, :3, 2] @ z < 0.0:
-            frames[i] = frames[i] @ _FLIP
-            signs[i] = -1.0
-        x = frames[i, :3, 0] - (frames[i, :3, 0] @ z) * z
-        x /= np.linalg.norm(x)
-        frames[i, :3, :3] = np.column_stack([x, np.cross(z, x), z])
 
 
 def _meeting(F: Array) -> tuple[Array, float]:
@@ -322,7 +314,7 @@ def _pack(
     header = plan[HEADER]
     header[KIND], header[REVERSED] = _NUMBERS[kind], float(reverse)
     header[HELD] = -1.0 if lock is None else lock
-    header[JOINTS], header[GENERAL] = m, 0.0 if form.special else 1.0
+    header[CHAIN_JOINTS], header[GENERAL] = m, 0.0 if form.special else 1.0
     header[MISS] = form.miss
     before = np.eye(4)
     offsets = []
