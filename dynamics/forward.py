@@ -6,13 +6,13 @@ from numpy.typing import ArrayLike
 from compiled.kernel import kernel
 from compiled.linear_solve import cholesky_solve_kernel
 from dynamics.batch import stack_vectors
-from dynamics.inverse import wrench_torque
 from dynamics.kernels.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
 from dynamics.kernels.recursion import inverse_kernel
 from dynamics.model.body import MOTOR, bodies, joints_without_inertia
 from kinematics.arrays import Array
 from kinematics.errors import MissingInertia
 from kinematics.model.chain import Chain
+from kinematics.velocity import holding_torques
 
 
 @kernel
@@ -84,7 +84,7 @@ def forward_dynamics(
     """
     packed = bodies(chain, gravity)
     if wrench is not None:
-        torque = chain.configuration(torque, "torques") - wrench_torque(chain, q, wrench)
+        torque = chain.configuration(torque, "torques") - holding_torques(chain, q, wrench)
     state, lead = stack_vectors(chain, joints=q, velocities=qd, torques=torque)
     qdd = np.empty((state.shape[0], chain.n))
     failed = forward_dynamics_kernel(packed.rows, state, qdd)

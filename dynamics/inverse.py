@@ -8,9 +8,8 @@ from dynamics.batch import stack_vectors
 from dynamics.kernels.recursion import WORK, inverse_kernel, reference_inverse_kernel
 from dynamics.model.body import bodies
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption
-from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
+from kinematics.velocity import holding_torques
 
 
 @kernel
@@ -66,7 +65,7 @@ def inverse_dynamics(
     torque = np.empty((motion.shape[0], chain.n))
     inverse_batch_kernel(packed.rows, motion, torque)
     torque = torque.reshape(*lead, chain.n)
-    return torque if wrench is None else torque + wrench_torque(chain, q, wrench)
+    return torque if wrench is None else torque + holding_torques(chain, q, wrench)
 
 
 def reference_dynamics(
@@ -104,21 +103,3 @@ def reference_dynamics(
     torque = np.empty((state.shape[0], chain.n))
     reference_batch_kernel(packed.rows, state, torque)
     return torque.reshape(*lead, chain.n)
-
-
-def wrench_torque(chain: Chain, q: ArrayLike, wrench: ArrayLike) -> Array:
-    """Joint torques J(q)^T F that hold the wrench F = [f; n] (..., 6) at the tip, (..., n).
-
-    Raises:
-        InvalidOption: The wrench is not six finite numbers (or a batch that fits the joints').
-    """
-    F = np.array(wrench, dtype=np.float64)
-    if F.ndim == 0 or F.shape[-1] != 6 or not np.isfinite(F).all():
-        raise InvalidOption("wrench must be six finite numbers [fx, fy, fz, nx, ny, nz]")
-    J = geometric(chain, q)
-    try:
-        return np.asarray(np.einsum("...ij,...i->...j", J, F))
-    except ValueError:
-        raise InvalidOption(
-            f"a batch of wrenches {F.shape} does not fit joints {np.shape(q)}"
-        ) from None

@@ -13,7 +13,6 @@ from compiled.simd import LANES, on_stack
 from compiled.simd_transpose import aligned_kernel
 from compiled.sincos import TURNS, few_turns_kernel, turn_at_kernel
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption
 from kinematics.frame import (
     IDENTITY,
     at_joint_kernel,
@@ -22,6 +21,7 @@ from kinematics.frame import (
     move_kernel,
     step_kernel,
     store_kernel,
+    store_rows_kernel,
 )
 from kinematics.model.branch import branch_to, is_on_branch, require_on_chain
 from kinematics.model.chain import Chain
@@ -129,14 +129,7 @@ def frames_kernel(model: Array, q: Array, frames: Array) -> None:
         if model[1 + i, 0] == 0.0:
             c, s = math.cos(q[i]), math.sin(q[i])
         B = move_kernel(model, 1 + i, q[i], c, s, B)
-        frames[i, 0, 0], frames[i, 0, 1], frames[i, 0, 2], frames[i, 0, 3] = B[0], B[1], B[2], B[3]
-        frames[i, 1, 0], frames[i, 1, 1], frames[i, 1, 2], frames[i, 1, 3] = B[4], B[5], B[6], B[7]
-        frames[i, 2, 0], frames[i, 2, 1], frames[i, 2, 2], frames[i, 2, 3] = (
-            B[8],
-            B[9],
-            B[10],
-            B[11],
-        )
+        store_rows_kernel(B, frames[i])
     if model[0, 2] > 0.0:
         n, first = q.shape[0], int(model[0, 3])
         for k in range(min(int(model[0, 2]), frames.shape[0] - n)):
@@ -144,9 +137,7 @@ def frames_kernel(model: Array, q: Array, frames: Array) -> None:
             parent, leader = int(model[row, 13]), int(model[row + 1, 0])
             B = frame_kernel(frames[parent]) if parent >= 0 else IDENTITY
             B = step_kernel(model, row, model[row + 1, 1] * q[leader] + model[row + 1, 2], B)
-            for at in range(4):
-                frames[n + k, 0, at], frames[n + k, 1, at] = B[at], B[4 + at]
-                frames[n + k, 2, at] = B[8 + at]
+            store_rows_kernel(B, frames[n + k])
 
 
 @kernel
@@ -250,39 +241,27 @@ def forward(chain: Chain, q: ArrayLike, link: str | None = None) -> Array:
     return poses.reshape(*q.shape[:-1], 4, 4)
 
 
-def link_poses(
-    chain: Chain, q: ArrayLike, links: Sequence[str] | None = None, *, out: Array | None = None
-) -> Array:
+def link_poses(chain: Chain, q: ArrayLike, links: Sequence[str] | None = None) -> Array:
     """Poses of several links (all of them where none are named), shape (..., len(links), 4, 4).
 
     Args:
         chain: The robot.
         q: One configuration (n,) or a batch (..., n) [rad or m].
         links: Names of the links.
-        out: Array that the poses of all links are written to and that is answered: contiguous
-            float64 array of the answer's shape. Fresh memory is a good part of what large batches
-            cost.
 
     Raises:
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
-        InvalidOption: ``out`` is of another shape or kind, or ``links`` are named too.
     """
-    if out is not None:
-        return _poses_into(chain, chain.configuration(q), links, out)
     if links is not None:
         numbers = [chain.index[chain.link(name).name] for name in links]
         return link_poses(chain, q)[..., numbers, :, :]
-    try:
-        with_one, model, shape = chain.memo["link_poses"]
-    except KeyError:
-        with_one, model, shape = all_poses(), chain.model, (len(chain.links), 4, 4)
-        chain.memo["link_poses"] = with_one, model, shape
+    shape = (len(chain.links), 4, 4)
     one: Any = q
     try:
         if one.dtype == _FLOAT and one.ndim == 1:
             poses = _empty(shape)
-            if with_one(model, one, poses):
+            if all_poses()(chain.model, one, poses):
                 if chain.mimic_joints:
                     write_branches(chain, one, poses)
                 return poses
@@ -303,16 +282,3 @@ def write_branches(chain: Chain, q: Array, poses: Array) -> None:
     for k, link in enumerate(chain.links):
         if link.joint >= chain.n:
             poses[..., k, :, :] = frames[..., link.joint, :, :] @ link.T_joint_link
-
-
-def _poses_into(chain: Chain, q: Array, links: Sequence[str] | None, out: Array) -> Array:
-    shape = (*q.shape[:-1], len(chain.links), 4, 4)
-    good = isinstance(out, np.ndarray) and out.shape == shape and out.dtype == _FLOAT
-    if links is not None or not good or not (out.flags.c_contiguous and out.flags.writeable):
-        raise InvalidOption(
-            f"out must be a writable contiguous float64 array of shape {shape}, and no links named"
-        )
-    poses_batch_kernel(chain.model, q.reshape(-1, chain.n), out.reshape(-1, *shape[-3:]))
-    if chain.mimic_joints:
-        write_branches(chain, q, out)
-    return out

@@ -71,12 +71,18 @@ def frame_kernel(T: Array) -> Frame:
     )  # fmt: skip
 
 
-@kernel(allocates=False)
-def store_kernel(B: Frame, T: Array) -> None:
-    """Write a frame into T (4, 4)."""
+@kernel(inline="code")
+def store_rows_kernel(B: Frame, T: Array) -> None:
+    """Write a frame into the upper three rows of T (4, 4)."""
     T[0, 0], T[0, 1], T[0, 2], T[0, 3] = B[0], B[1], B[2], B[3]
     T[1, 0], T[1, 1], T[1, 2], T[1, 3] = B[4], B[5], B[6], B[7]
     T[2, 0], T[2, 1], T[2, 2], T[2, 3] = B[8], B[9], B[10], B[11]
+
+
+@kernel(allocates=False)
+def store_kernel(B: Frame, T: Array) -> None:
+    """Write a frame into T (4, 4)."""
+    store_rows_kernel(B, T)
     T[3, 0], T[3, 1], T[3, 2], T[3, 3] = 0.0, 0.0, 0.0, 1.0
 
 

@@ -13,16 +13,16 @@ from compiled.simd_transpose import aligned_kernel
 from compiled.sincos import TURNS, few_turns_kernel, turn_at_kernel
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState
-from kinematics.forward import fits_kernel, frames_kernel, link_number
+from kinematics.forward import fits_kernel, joint_frames, link_number
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel, store_kernel
 from kinematics.model.branch import branch_to, is_on_branch
-from kinematics.model.chain import Chain
+from kinematics.model.chain import Chain, JointType
 from kinematics.pose import to_zyz
 from kinematics.simd_frames import COLUMN, jacobians_lanes_kernel
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
-_empty = np.empty
+_empty, _POSE = np.empty, (4, 4)
 #: sin(theta) below which zyz rates don't exist: the Jacobian's entries pass 1e8 there.
 ZYZ_SINGULAR_SINE = 1e-8
 
@@ -134,98 +134,12 @@ def _both_kernel(model: Array, q: Array, link: int, T: Array, J: Array) -> bool:
     return fits
 
 
-@kernel(allocates=False, unlocks=False)
-def _one_jacobian_kernel(model: Array, q: Array, link: int, J: Array) -> bool:
-    fits = fits_kernel(model, q)
-    if fits:
-        frame_and_jacobian_kernel(model, q, link, J)
-    return fits
-
-
-@kernel
-def rate_kernel(
-    model: Array, frames: Array, point: Array, last: int, rates: Array, Jd: Array
-) -> None:
-    """Write the time derivative (6, n) of the Jacobian at joint velocities ``rates`` (n,).
-
-    With w_j and o_j' of frame j: z_j' = w_j x z_j and (z_j x r)' = z_j' x r + z_j x (p' - o_j').
-    """
-    n = Jd.shape[1]
-    w, v = np.zeros((n + 1, 3)), np.zeros((n + 1, 3))
-    for j in range(last + 1):
-        z, o = frames[j, :3, 2], frames[j, :3, 3]
-        r = o - frames[j - 1, :3, 3] if j > 0 else np.zeros(3)
-        w[j + 1] = w[j]
-        v[j + 1] = v[j] + _cross(w[j], r)
-        if model[1 + j, 0] == 0.0:
-            w[j + 1] += rates[j] * z
-        else:
-            v[j + 1] += rates[j] * z
-    Jd[:] = 0.0
-    if last < 0:
-        return
-    moved = v[last + 1] + _cross(w[last + 1], point - frames[last, :3, 3])
-    for j in range(last + 1):
-        z, o = frames[j, :3, 2], frames[j, :3, 3]
-        turned = _cross(w[j + 1], z)
-        if model[1 + j, 0] == 0.0:
-            Jd[:3, j] = _cross(turned, point - o) + _cross(z, moved - v[j + 1])
-            Jd[3:, j] = turned
-        else:
-            Jd[:3, j] = turned
-
-
-@kernel
-def _cross(a: Array, b: Array) -> Array:
-    c = np.empty(3)
-    c[0] = a[1] * b[2] - a[2] * b[1]
-    c[1] = a[2] * b[0] - a[0] * b[2]
-    c[2] = a[0] * b[1] - a[1] * b[0]
-    return c
-
-
-@kernel
-def _rate_batch_kernel(
-    model: Array,
-    q: Array,
-    rates: Array,
-    T_joint_link: Array,
-    point: Array,
-    last: int,
-    Jd: Array,
-) -> None:
-    n = q.shape[1]
-    frames = np.empty((n, 4, 4))
-    p = np.empty(3)
-    for k in range(q.shape[0]):
-        frames_kernel(model, q[k], frames)
-        for row in range(3):
-            p[row] = T_joint_link[row, 3]
-            for i in range(3):
-                p[row] += T_joint_link[row, i] * point[i]
-        if last >= 0:
-            local = p.copy()
-            for row in range(3):
-                p[row] = frames[last, row, 3]
-                for i in range(3):
-                    p[row] += frames[last, row, i] * local[i]
-        rate_kernel(model, frames, p, last, rates[k], Jd[k])
-
-
 @cache
 def both_of_one() -> Callable[[Array, Array, int, Array, Array], bool]:
     """Pose and Jacobian of a link without dispatch, for a read-only model."""
     model = np.empty((1, 14))
     model.setflags(write=False)
     return direct(_both_kernel, model, np.empty(1), 0, np.empty((4, 4)), np.empty((6, 1)))
-
-
-@cache
-def one_jacobian() -> Callable[[Array, Array, int, Array], bool]:
-    """The Jacobian likewise."""
-    model = np.empty((1, 14))
-    model.setflags(write=False)
-    return direct(_one_jacobian_kernel, model, np.empty(1), 0, np.empty((6, 1)))
 
 
 def pose_and_jacobian(chain: Chain, q: ArrayLike, link: str | None = None) -> tuple[Array, Array]:
@@ -245,11 +159,8 @@ def pose_and_jacobian(chain: Chain, q: ArrayLike, link: str | None = None) -> tu
         T, J = pose_and_jacobian(branch.chain, branch.positions(chain.configuration(q)), link)
         return T, J @ branch.matrix
     number = -1 if link is None else link_number(chain, link)
-    memo = chain.memo
-    if "pose_and_jacobian" not in memo:
-        memo["pose_and_jacobian"] = both_of_one(), (4, 4), (6, chain.n)
-    both, pose, wide = memo["pose_and_jacobian"]
-    T, J = _empty(pose), _empty(wide)
+    both = both_of_one()
+    T, J = _empty(_POSE), _empty((6, len(chain.joint_names)))
     one: Any = q
     try:
         if one.dtype == _FLOAT and one.ndim == 1 and both(chain.model, one, number, T, J):
@@ -292,7 +203,7 @@ def geometric(
         try:
             if one.dtype == _FLOAT and one.ndim == 1:
                 J = _empty((6, len(chain.joint_names)))
-                if one_jacobian()(chain.model, one, number, J):
+                if both_of_one()(chain.model, one, number, _empty(_POSE), J):
                     return J
         except (AttributeError, TypeError):
             pass
@@ -336,18 +247,28 @@ def geometric_rate(
         at, moving = branch.positions(q), branch.rates(rates)
         return np.asarray(geometric_rate(branch.chain, at, moving, link, point) @ branch.matrix)
     carrier = chain.link(link or chain.tip_link)
-    flat = np.ascontiguousarray(q.reshape(-1, chain.n))
-    Jd = np.empty((flat.shape[0], 6, chain.n))
-    _rate_batch_kernel(
-        chain.model,
-        flat,
-        np.ascontiguousarray(rates.reshape(-1, chain.n)),
-        carrier.T_joint_link,
-        _point(point),
-        carrier.joint,
-        Jd,
-    )
-    return Jd.reshape(*q.shape[:-1], 6, chain.n)
+    n, last = chain.n, carrier.joint
+    Jd = np.zeros((*q.shape[:-1], 6, n))
+    if last < 0:
+        return Jd
+    frames = joint_frames(chain, q)[..., : last + 1, :, :]
+    # With w_j and o_j' of frame j: z_j' = w_j x z_j, (z_j x r)' = z_j' x r + z_j x (p' - o_j').
+    z, o = frames[..., :3, 2], frames[..., :3, 3]
+    turns = (chain.joint_types[: last + 1] == JointType.REVOLUTE)[:, None]
+    turning, sliding = np.where(turns, z, 0.0), np.where(turns, 0.0, z)
+    moving = rates[..., : last + 1, None]
+    w = np.cumsum(moving * turning, axis=-2)
+    p = (frames[..., last, :, :] @ carrier.T_joint_link @ [*_point(point), 1.0])[..., None, :3]
+    arms = np.diff(np.concatenate([o, p], axis=-2), axis=-2)
+    # Velocities of the origins behind each joint, then of the point.
+    steps = np.cross(w, arms) + moving * sliding
+    v = np.cumsum(steps, axis=-2)
+    behind = v - np.cross(w, arms)
+    turned = np.cross(w, z)
+    lever = np.cross(turned, p - o) + np.cross(z, v[..., -1:, :] - behind)
+    Jd[..., :3, : last + 1] = np.swapaxes(np.where(turns, lever, turned), -1, -2)
+    Jd[..., 3:, : last + 1] = np.swapaxes(np.where(turns, turned, 0.0), -1, -2)
+    return Jd
 
 
 def _point(point: ArrayLike | None) -> Array:

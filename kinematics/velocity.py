@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array, Indices, as_numbers
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
@@ -138,7 +138,9 @@ def joint_velocities(
     """
     b = None if nullspace is None else chain.configuration(nullspace, "nullspace")
     J = geometric(chain, q, link, point)
-    return rates_of_task(J, _twist(twist), nullspace=b, damped_below=damped_below)
+    return rates_of_task(
+        J, _six(twist, "twist", "[vx, vy, vz, wx, wy, wz]"), nullspace=b, damped_below=damped_below
+    )
 
 
 def rates_of_task(
@@ -195,14 +197,12 @@ def _gains(found: SingularDirections, damped_below: float) -> Array:
     return np.asarray(ratio**2 / (ratio**2 + squared))
 
 
-def _twist(twist: ArrayLike) -> Array:
-    try:
-        xi = np.array(twist, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidOption(f"twist is not an array of numbers: {error}") from None
-    if xi.ndim == 0 or xi.shape[-1] != 6 or not np.isfinite(xi).all():
-        raise InvalidOption("twist must be six finite numbers [vx, vy, vz, wx, wy, wz]")
-    return xi
+def _six(values: ArrayLike, name: str, parts: str) -> Array:
+    """Six finite numbers, or a batch of them, shape (..., 6)."""
+    array = as_numbers(values, name)
+    if array.ndim == 0 or array.shape[-1] != 6 or not np.isfinite(array).all():
+        raise InvalidOption(f"{name} must be six finite numbers {parts}")
+    return array
 
 
 def wrenches_of_torques(J: Array, torques: Array) -> tuple[Array, Array]:
@@ -264,15 +264,10 @@ def holding_torques(
         InvalidLinkName: No such link.
         InvalidOption: The wrench is not six finite numbers, or its batch does not fit the joints'.
     """
-    try:
-        F = np.array(wrench, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidOption(f"wrench is not an array of numbers: {error}") from None
-    if F.ndim == 0 or F.shape[-1] != 6 or not np.isfinite(F).all():
-        raise InvalidOption("wrench must be six finite numbers [fx, fy, fz, nx, ny, nz]")
+    F = _six(wrench, "wrench", "[fx, fy, fz, nx, ny, nz]")
     J = geometric(chain, q, link, point)
     try:
-        return np.asarray((np.swapaxes(J, -1, -2) @ F[..., None])[..., 0])
+        return np.asarray(np.einsum("...ij,...i->...j", J, F))
     except ValueError:
         raise InvalidOption(
             f"a batch of wrenches {F.shape} does not fit joints {np.shape(q)}",

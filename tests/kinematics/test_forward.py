@@ -1,7 +1,5 @@
 """Forward kinematics against pinocchio on real robots, and against plain matrix products."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
@@ -9,7 +7,7 @@ from numpy.typing import ArrayLike
 from compiled.kernel import kernel
 from kinematics import forward as module
 from kinematics.arrays import Array
-from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotState
+from kinematics.errors import InvalidLinkName, InvalidRobotState
 from kinematics.forward import forward, joint_frames, link_poses
 from kinematics.jacobian import geometric
 from kinematics.model.chain import JointType
@@ -53,25 +51,6 @@ def test_batches_are_where_pinocchio_puts_them(sample: Sample) -> None:
             np.testing.assert_allclose(T, reference.pose(row, link.name), atol=1e-12, rtol=0)
         np.testing.assert_array_equal(tips[k], poses[k, chain.index[chain.tip_link]])
         np.testing.assert_array_equal(poses[k], link_poses(chain, row))
-
-
-def test_poses_are_written_where_asked() -> None:
-    rng = np.random.default_rng(8)
-    chain = random_chain(rng, 6)
-    q = rng.uniform(-3, 3, (2, 13, 6))
-    q[0, 2] = 3e6
-    wanted = link_poses(chain, q)
-    out = np.full_like(wanted, np.nan)
-    assert link_poses(chain, q, out=out) is out
-    np.testing.assert_array_equal(out, wanted)
-    one = np.empty(wanted.shape[2:])
-    np.testing.assert_array_equal(link_poses(chain, q[1, 4], out=one), wanted[1, 4])
-    wrongs: list[Any] = [out[0], out.astype(np.float32), np.asfortranarray(out), out.tolist()]
-    for wrong in wrongs:
-        with pytest.raises(InvalidOption, match="out must be"):
-            link_poses(chain, q, out=wrong)
-    with pytest.raises(InvalidOption, match="no links named"):
-        link_poses(chain, q, ["base"], out=out)
 
 
 def test_frames_stay_rigid_far_out() -> None:

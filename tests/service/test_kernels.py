@@ -157,11 +157,8 @@ def test_the_next_server_finds_them_on_disk(
 
 #: Kernels of modules that the service imports, and that no request reaches.
 UNREACHED = {
-    # Of the library: controllers in Python, two ways to compute the same, derivatives of Jacobians.
+    # Of the library: controllers in Python.
     "dynamics.inverse.reference_batch_kernel",
-    "kinematics.jacobian._cross",
-    "kinematics.jacobian._rate_batch_kernel",
-    "kinematics.jacobian.rate_kernel",
 }
 #: Prints the kernels of modules that the service imports, and that nothing on the list calls.
 FIND_UNREACHED = """

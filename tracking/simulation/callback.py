@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from dynamics.forward import forward_dynamics_kernel, massless
-from dynamics.inverse import wrench_torque
 from dynamics.model.body import bodies
 from kinematics.arrays import Array
+from kinematics.velocity import holding_torques
 from tracking.controllers.controller import AdaptiveController, Controller, Flow
 from tracking.simulation.integrators.explicit import explicit_polynomials
 from tracking.simulation.joint_stop import add_stops, stop_arrays
@@ -122,7 +122,7 @@ class _Loop:
             return np.zeros(self.n)
         constant, amplitude = acting.parts(self.setup.robot)
         wave = np.sin(2.0 * np.pi * acting.frequency * t)
-        pushed = wrench_torque(self.setup.robot, q, acting.wrench)
+        pushed = holding_torques(self.setup.robot, q, acting.wrench)
         return np.asarray(constant + amplitude * wave + pushed)
 
     def rate(self, t: float, x: Array, law: _Law) -> Array:
