@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import direct
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, as_numbers, frozen
 from kinematics.errors import InvalidOption, InvalidPose, NotAvailable
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
@@ -33,22 +33,14 @@ from kinematics.model.chain import Chain
 TOLERANCE = 1e-9
 #: Rows for branches: a closed form has 8, 16 at most for general axes.
 _ROWS = 16
-#: Rows that are tried first: most poses do with less memory.
-_FEW_ROWS = 9
-#: Stands for the name of a link where none is prepared yet.
-_NO_LINK = object()
-_FLOAT = np.dtype(np.float64)
 _POSE = (4, 4)
 #: Stands for the seed's own parameter.
 _OF_SEED = np.array([np.nan])
 #: More branches than there are.
 _ALL = 2**31
-_empty, _contiguous = np.empty, np.ascontiguousarray
 _PLAN, _LIMITS = frozen(np.zeros((1, COLUMNS))), frozen([0.0])
 #: Arrays of the types that every arm has.
 _ARM = Arm(_PLAN, _PLAN, 0, _LIMITS, _LIMITS)
-#: A named tuple from all its values, in half the time of its constructor.
-_new: Any = tuple.__new__
 
 
 class Branches(NamedTuple):
@@ -177,27 +169,16 @@ def branches(
         InvalidPose: The target is not finite or has another shape.
         InvalidRobotState: Seeds of the wrong length or not finite.
     """
-    try:
-        setup = chain.memo["analytic"]
-    except KeyError:
-        setup = (_NO_LINK,)
-    if setup[0] != link:
-        setup = chain.memo["analytic"] = _prepared(chain, link)
-    _, direct_branches, form, arm, near, shape = setup
+    form, arm = _prepared(chain, link)
     many = _ALL if enough is None else enough
-    seeds = near if seed_joints is None else _numbers(seed_joints, "seed_joints")
+    seeds = middle(chain) if seed_joints is None else _numbers(seed_joints, "seed_joints")
     T = _numbers(target, "the target")
     values = _OF_SEED if parameters is None else _parameters(parameters)
     if T.shape == _POSE and seeds.ndim == 1 and values.ndim == 1:
-        table = _empty(shape if values is _OF_SEED else (_ROWS * values.shape[0], shape[1]))
-        count = direct_branches(arm, T, seeds, values, tolerance, many, table)
-        if count == _FEW_ROWS and values is _OF_SEED:
-            # There may be more than there was room for.
-            table = _empty((_ROWS, shape[1]))
-            count = direct_branches(arm, T, seeds, values, tolerance, many, table)
+        table = np.empty((_ROWS * values.shape[0], chain.n + MORE))
+        count = _direct_branches()(arm, T, seeds, values, tolerance, many, table)
         if count >= 0:
-            answer: Branches = _new(Branches, (form, shape[1] - MORE, table[:count], None))
-            return answer
+            return Branches(form, chain.n, table[:count])
     chain.configuration(seeds, "seed_joints")
     if T.shape[-2:] != _POSE or not np.isfinite(T).all():
         raise InvalidPose("the target must be a finite 4x4 transform, or a batch of them")
@@ -221,21 +202,15 @@ def branches(
 
 
 @lru_cache(maxsize=256)
-def _prepared(
-    chain: Chain, link: str | None
-) -> tuple[str | None, Any, Structure, Arm, Array, tuple[int, int]]:
-    """The link, the kernel, form and arrays of a chain up to it, the middle, a table's shape."""
+def _prepared(chain: Chain, link: str | None) -> tuple[Structure, Arm]:
+    """The form and the arrays of a chain up to a link."""
     form = closed_form(chain, link)
     number = int(chain.model[0, 1]) if link is None else link_number(chain, link)
-    arm = Arm(form.plan, chain.model, number, chain.limits.lower, chain.limits.upper)
-    return link, _direct_branches(), form, arm, middle(chain), (_FEW_ROWS, chain.n + MORE)
+    return form, Arm(form.plan, chain.model, number, chain.limits.lower, chain.limits.upper)
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:
-    try:
-        return _contiguous(values, _FLOAT)
-    except (TypeError, ValueError):
-        raise InvalidOption(f"{name} must be an array of numbers") from None
+    return np.ascontiguousarray(as_numbers(values, name))
 
 
 @lru_cache(maxsize=256)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import direct
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, as_numbers, frozen
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
@@ -52,13 +52,7 @@ STARTS = 2000
 _ADVICE_STARTS = 100
 #: Solutions nearer than this in every joint [rad or m], whole turns left out, are one.
 _SAME = 1e-3
-_FLOAT = np.dtype(np.float64)
-_empty, _contiguous = np.empty, np.ascontiguousarray
-#: A named tuple from all its values, in half the time of its constructor.
-_new: Any = tuple.__new__
 _POSE = (4, 4)
-#: Stands for the name of a link where none is prepared yet.
-_NO_LINK = object()
 _ROW, _TABLE = frozen([0.0]), frozen(np.zeros((1, 1)))
 #: Arrays of the types that every chain has.
 _SPACE = SearchSpace(_TABLE, 0, _TABLE, _ROW, 0.0)
@@ -152,11 +146,11 @@ def solve_many(
         InvalidPose: A target is not a finite 4x4 matrix.
         InvalidOption: ``seed_joints`` has neither one row nor as many as there are poses.
     """
-    T = _numbers(targets)
+    T = _numbers(targets, "the targets")
     if T.ndim != 3 or T.shape[1:] != _POSE or not np.isfinite(T).all():
         raise InvalidPose("the targets must be finite 4x4 transforms, shape (m, 4, 4)")
     how = options or _default()
-    _, _, space, middle = _prepared(chain, link)
+    space, middle = _prepared(chain, link)
     seeds = middle if seed_joints is None else chain.configuration(seed_joints, "seed_joints")
     m, n = T.shape[0], chain.n
     if seeds.ndim > 1 and seeds.shape[0] != m:
@@ -201,17 +195,12 @@ def solve(
         InvalidLinkName: No such link.
         InvalidPose: ``target`` is not a finite 4x4 matrix.
     """
-    try:
-        setup = chain.memo["numeric"]
-    except KeyError:
-        setup = (_NO_LINK,)
-    if setup[0] != link:
-        setup = chain.memo["numeric"] = _prepared(chain, link)
-    _, search, space, middle = setup
-    T = _numbers(target)
+    search = _direct_search()
+    space, middle = _prepared(chain, link)
+    T = _numbers(target, "the target")
     if T.shape != _POSE:
         raise InvalidPose("the target must be a finite 4x4 transform")
-    begin = middle if seed_joints is None else _numbers(seed_joints)
+    begin = middle if seed_joints is None else _numbers(seed_joints, "seed_joints")
     if begin.ndim != 1:
         raise_start(chain, begin)
     how = options or _default()
@@ -220,16 +209,15 @@ def solve(
     nearest: IkSolution | None = None
     spent = 0
     while spent < starts and len(distinct) < solutions:
-        best = _empty(middle.shape)
+        best = np.empty(middle.shape)
         done, position, orientation, steps, spent = search(space, settings, T, spent, begin, best)
         if done < 0:
             raise_start(chain, begin)
             raise InvalidPose("the target must be a finite 4x4 transform")
         best.setflags(write=False)
-        solution = _new(IkSolution, (best, position, orientation, steps, None, True))
+        solution = IkSolution(best, position, orientation, steps)
         if solutions == 1 and done:
-            answer: IkResult = _new(IkResult, ((solution,), solution, spent, ""))
-            return answer
+            return IkResult((solution,), solution, spent)
         if nearest is None or _error(solution) < _error(nearest):
             nearest = solution
         if done and all(distance(chain, best, other.joints) > _SAME for other in distinct):
@@ -251,27 +239,23 @@ def raise_start(chain: Chain, begin: Array) -> None:
 
 
 @lru_cache(maxsize=64)
-def _prepared(chain: Chain, link: str | None) -> tuple[str | None, Any, SearchSpace, Array]:
-    """The link, the kernel, the arrays of a chain up to the link, and the middle of its limits."""
+def _prepared(chain: Chain, link: str | None) -> tuple[SearchSpace, Array]:
+    """The arrays of a chain up to a link, and the middle of its limits."""
     number = int(chain.model[0, 1]) if link is None else link_number(chain, link)
     low, high = chain.sampling_bounds()
     radius = float(np.linalg.norm(chain.offsets[1:, :3, 3], axis=1).sum())
     radius += float(np.linalg.norm(chain.tip.T_joint_link[:3, 3]))
     radius += float((high - low)[chain.joint_types == JointType.PRISMATIC].sum())
     weight = WEIGHT * radius if radius > 0.0 else 1.0
-    table = _empty((chain.n + 12) * ROWS)
+    table = np.empty((chain.n + 12) * ROWS)
     table_kernel(chain.model, number, low, high, weight, TABLE_SEED, table)
     bounds = np.array([chain.limits.lower, chain.limits.upper, low, high])
     middle = frozen(0.5 * (low + high))
-    space = SearchSpace(chain.model, number, frozen(bounds), frozen(table), weight)
-    return link, _direct_search(), space, middle
+    return SearchSpace(chain.model, number, frozen(bounds), frozen(table), weight), middle
 
 
-def _numbers(values: ArrayLike) -> Array:
-    try:
-        return _contiguous(values, _FLOAT)
-    except (TypeError, ValueError) as error:
-        raise InvalidOption(f"an array of numbers was expected: {error}") from None
+def _numbers(values: ArrayLike, name: str) -> Array:
+    return np.ascontiguousarray(as_numbers(values, name))
 
 
 @lru_cache(maxsize=64)

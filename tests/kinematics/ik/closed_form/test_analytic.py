@@ -9,7 +9,6 @@ import pytest
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState, NotAvailable
 from kinematics.forward import forward
-from kinematics.ik.closed_form import analytic
 from kinematics.ik.closed_form.analytic import branches, closed_form, parameter
 from kinematics.ik.closed_form.structure import structure
 from kinematics.ik.numeric.numeric import SearchOptions, solve
@@ -314,19 +313,23 @@ def test_batches_equal_single_calls(name: str) -> None:
         np.testing.assert_allclose(batch.table[k, : batch.counts[k]], one.table, atol=1e-12)
 
 
-def test_single_calls_answer_more_branches_than_they_have_room_for_at_first(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(analytic, "_FEW_ROWS", 3)
-    rng = np.random.default_rng(11)
-    arm = general_arm(rng, "three parallel, axes 5 and 6 meet")
-    T = forward(arm, rng.uniform(-3.0, 3.0, (50, 6)))
-    batch = branches(arm, T)
-    assert batch.counts is not None
-    assert batch.counts.max() == 8
-    for k in range(50):
-        one = branches(arm, T[k])
-        np.testing.assert_array_equal(batch.table[k, : batch.counts[k]], one.table)
+@pytest.mark.parametrize("name", ["ur5e", "kr6_sixx"])
+def test_joints_are_the_whole_turns_inside_the_limits_nearest_the_seed(name: str) -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(40):
+        bounds = np.sort(rng.uniform(-7.0, 7.0, (2, 6)), axis=0)
+        chain = builtin_chain(name)
+        chain = replace(chain, limits=replace(chain.limits, lower=bounds[0], upper=bounds[1]))
+        q = rng.uniform(*bounds)
+        # Limits that cut a configuration off by rounding take it in.
+        seed, q[rng.integers(6)] = rng.uniform(*bounds), bounds[rng.integers(2), 0]
+        found = branches(chain, forward(chain, q), seed_joints=seed)
+        for row, inside in zip(found.joints, found.within_limits, strict=True):
+            turns = row + 2.0 * np.pi * np.arange(-4, 5)[:, None]
+            fits = (turns >= bounds[0] - 1e-6) & (turns <= bounds[1] + 1e-6)
+            assert inside == fits.any(axis=0).all()
+            away = np.where(fits | ~fits.any(axis=0), np.abs(turns - seed), np.inf).min(axis=0)
+            np.testing.assert_allclose(np.abs(row - seed), away, atol=1e-5)
 
 
 def test_poses_out_of_reach_have_no_branch() -> None:
