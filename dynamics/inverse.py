@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
 from dynamics.batch import stack_vectors
-from dynamics.kernels.recursion import WORK, inverse_kernel, reference_inverse_kernel
+from dynamics.kernels.recursion import WORK, inverse_kernel
 from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
@@ -18,16 +18,6 @@ def inverse_batch_kernel(rows: Array, motion: Array, torque: Array) -> None:
     work = np.empty((motion.shape[2], WORK))
     for k in range(motion.shape[0]):
         inverse_kernel(rows, motion[k, 0], motion[k, 1], motion[k, 2], work, torque[k])
-
-
-@kernel
-def reference_batch_kernel(rows: Array, state: Array, torque: Array) -> None:
-    """``reference_inverse_kernel`` for a batch: q, q_dot, v, a in state (m, 4, n)."""
-    n = state.shape[2]
-    work, motion = np.empty((n, WORK)), np.empty((n, 4))
-    for k in range(state.shape[0]):
-        motion[:] = state[k].T
-        reference_inverse_kernel(rows, motion, work, torque[k])
 
 
 def inverse_dynamics(
@@ -66,40 +56,3 @@ def inverse_dynamics(
     inverse_batch_kernel(packed.rows, motion, torque)
     torque = torque.reshape(*lead, chain.n)
     return torque if wrench is None else torque + holding_torques(chain, q, wrench)
-
-
-def reference_dynamics(
-    chain: Chain,
-    q: ArrayLike,
-    qd: ArrayLike,
-    v: ArrayLike,
-    a: ArrayLike,
-    gravity: ArrayLike | None = None,
-) -> Array:
-    """Torques of a reference motion beside the robot's own: M a + C(q, q_dot) v + B q_dot + G.
-
-    C is that of the Christoffel symbols. With v = q_dot and a = q_ddot it is
-    ``inverse_dynamics``. By a Newton-Euler recursion, so neither M nor C is ever formed.
-
-    Args:
-        chain: The robot.
-        q: Positions, (n,) or (..., n) [rad or m].
-        qd: Velocities, (n,) or (..., n) [rad/s or m/s].
-        v: Reference velocities, (n,) or (..., n) [rad/s or m/s].
-        a: Reference accelerations, (n,) or (..., n) [rad/s^2 or m/s^2].
-        gravity: (3,) [m/s^2] in the base frame; the robot's own where none is given.
-
-    Returns:
-        Shape (..., n) [N m or N].
-
-    Raises:
-        InvalidRobotState: A vector has the wrong length, is not finite or fits no other's batch.
-        MissingInertia: No link that a joint carries has an inertia.
-    """
-    packed = bodies(chain, gravity)
-    state, lead = stack_vectors(
-        chain, joints=q, velocities=qd, reference_velocities=v, accelerations=a
-    )
-    torque = np.empty((state.shape[0], chain.n))
-    reference_batch_kernel(packed.rows, state, torque)
-    return torque.reshape(*lead, chain.n)

@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
 from dynamics.batch import stack_vectors
-from dynamics.inverse import reference_dynamics
 from dynamics.kernels.composite import (
     COMPOSITE_WORK,
     coriolis_kernel,
@@ -64,26 +63,6 @@ def augmented_mass_matrix(chain: Chain, q: ArrayLike) -> Array:
         MissingInertia: No link that a joint carries has an inertia.
     """
     return mass_matrix(chain, q) + np.diag(chain.motor_inertia)
-
-
-def kinetic_rate(chain: Chain, q: Array, qd: Array, r: Array, r_dot: Array) -> float:
-    """The rate of r^T M(q) r / 2 along a motion, r^T (M r_dot + C r), as M_dot = C + C^T.
-
-    Args:
-        chain: The robot.
-        q: Positions, shape (n,) [rad or m].
-        qd: Velocities, shape (n,) [rad/s or m/s].
-        r: Any velocity of the joints, shape (n,) [rad/s or m/s].
-        r_dot: Time derivative of r, shape (n,) [rad/s^2 or m/s^2].
-
-    Raises:
-        InvalidRobotState: A vector has the wrong length or is not finite.
-        MissingInertia: Some joint carries nothing that has an inertia.
-    """
-    zero = np.zeros(chain.n)
-    # Gravity and friction, which do not depend on r, drop out.
-    whole = reference_dynamics(chain, q, qd, r, r_dot)
-    return float(r @ (whole - reference_dynamics(chain, q, qd, zero, zero)))
 
 
 class PartialJacobians(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics.forward import forward_dynamics
-from dynamics.inverse import inverse_dynamics, reference_dynamics
+from dynamics.inverse import inverse_dynamics
 from dynamics.parameters.regressor import regressor
 from dynamics.terms import (
     coriolis_matrix,
@@ -38,7 +38,6 @@ CALLS: dict[str, Callable[[Chain, Array, Array, Array], Array]] = {
     "joint velocities": lambda c, q, v, a: joint_velocities(c, q, v, nullspace=a).joint_velocities,
     "holding torques": lambda c, q, v, a: holding_torques(c, q, v),
     "inverse dynamics": inverse_dynamics,
-    "reference dynamics": lambda c, q, v, a: reference_dynamics(c, q, v, a, v),
     "forward dynamics": forward_dynamics,
     "mass matrix": lambda c, q, v, a: mass_matrix(c, q),
     "Coriolis matrix": lambda c, q, v, a: coriolis_matrix(c, q, v),

@@ -6,18 +6,16 @@ from typing import Self
 import numpy as np
 
 from dynamics.parameters.base_parameters import BaseParameters, base_parameters
-from dynamics.parameters.regressor import reference_regressor
-from dynamics.terms import augmented_mass_matrix, kinetic_rate
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from tracking.controllers.control_law import Estimated, Kind, Law, law
-from tracking.controllers.controller import AdaptiveController, Flow, Reference
+from tracking.controllers.controller import AdaptiveController, LawController, Reference
 from tracking.controllers.gain import adaptation_gain, filtered_gains
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Adaptive(AdaptiveController):
+class Adaptive(LawController, AdaptiveController):
     """The controller of Slotine and Li with the gradient law on the base parameters.
 
         u = Y(q, q_dot, a, v) Theta_hat + K r,    Theta_hat_dot = Gamma Y^T r,
@@ -27,6 +25,11 @@ class Adaptive(AdaptiveController):
     so that M r_dot + (C + K) r = -Y (Theta_hat - Theta). The tracking error goes to zero (by
     Barbalat's lemma); the estimate goes to the truth only where the reference excites every
     parameter persistently. Signs are those of q_tilde = q^r - q.
+
+    With off = Theta_hat - Theta and the true robot's M and Theta,
+    V = r^T M r / 2 + q_tilde^T Lambda K q_tilde + off^T Gamma^-1 off / 2 has
+    V_dot = -q_tilde_dot^T K q_tilde_dot - q_tilde^T Lambda K Lambda q_tilde
+    where Lambda and K commute. V has the symmetric part of Lambda K in any case.
 
     Args:
         chain: The model that the estimate starts from; its kinematics are taken as exact.
@@ -109,90 +112,15 @@ class Adaptive(AdaptiveController):
         """Controller with another estimate, shape (b,)."""
         return replace(self, estimate=estimate)
 
-    def filtered_error(self, q: Array, qd: Array, reference: Reference) -> Array:
-        """The filtered error r = q_tilde_dot + Lambda q_tilde, shape (n,) [rad/s or m/s]."""
-        e, e_dot = reference.position - q, reference.velocity - qd
-        return np.asarray(e_dot + self.Lambda * e)
-
-    def regressor(self, q: Array, qd: Array, reference: Reference) -> Array:
-        """Y(q, q_dot, a, v) of the base parameters, shape (n, b).
-
-        Raises:
-            InvalidRobotState: The state has the wrong length or is not finite.
-        """
-        return self.parameters.regressor(self._whole_regressor(q, qd, reference))
-
-    def _whole_regressor(self, q: Array, qd: Array, reference: Reference) -> Array:
-        """Y(q, q_dot, a, v) of the standard parameters, shape (n, p)."""
-        r = self.filtered_error(q, qd, reference)
-        a = reference.acceleration + self.Lambda * (reference.velocity - qd)
-        return reference_regressor(self.chain, q, qd, r + qd, a)
-
-    def torque(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
-        """Torque u = Y Theta_hat + K r, shape (n,).
-
-        Raises:
-            InvalidRobotState: The state has the wrong length or is not finite.
-        """
-        Y, r = self._whole_regressor(q, qd, reference), self.filtered_error(q, qd, reference)
-        u = self.parameters.regressor(Y) @ self.estimate + self.K @ r
-        if self.known is not None:
-            u = u + self.known.regressor(Y) @ self.known.values
-        return np.asarray(u)
-
     def adaptation(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
-        """The gradient law Theta_hat_dot = Gamma Y^T r, shape (b,).
+        """The gradient law Theta_hat_dot = Gamma Y^T r, shape (b,)."""
+        return self.command(q, qd, reference)[1]
 
-        Raises:
-            InvalidRobotState: The state has the wrong length or is not finite.
-        """
-        Y, r = self.regressor(q, qd, reference), self.filtered_error(q, qd, reference)
-        return np.asarray(self.Gamma @ (Y.T @ r))
-
-    def lyapunov(
-        self, q: Array, qd: Array, reference: Reference, robot: Chain | None = None
-    ) -> float:
-        """V = r^T M r / 2 + q_tilde^T Lambda K q_tilde + off^T Gamma^-1 off / 2.
-
-        With off = Theta_hat - Theta and the true robot's M and Theta,
-        V_dot = -q_tilde_dot^T K q_tilde_dot - q_tilde^T Lambda K Lambda q_tilde
-        where Lambda and K commute. V has the symmetric part of Lambda K in any case.
-
-        Raises:
-            InvalidRobotState: The state has the wrong length or is not finite.
-            MissingInertia: The robot lacks an inertia.
-        """
-        true = robot or self.chain
-        r, e = self.filtered_error(q, qd, reference), reference.position - q
-        off = self.estimate - self.parameters.of(true)
-        M = augmented_mass_matrix(true, q)
-        V = 0.5 * r @ M @ r + (self.Lambda * e) @ self.K @ e
-        return float(V + 0.5 * off @ np.linalg.solve(self.Gamma, off))
-
-    def lyapunov_rate(self, flow: Flow, reference: Reference, robot: Chain | None = None) -> float:
-        """Rate V_dot of ``lyapunov``.
-
-        V_dot = r^T (M r_dot + C r) + q_tilde^T (Lambda K + K Lambda) q_tilde_dot
-        + off^T Gamma^-1 off_dot.
-
-        Raises:
-            InvalidRobotState: The state has the wrong length or is not finite.
-            MissingInertia: The model lacks an inertia.
-        """
-        true = robot or self.chain
-        q, qd = flow.position, flow.velocity
-        e, e_dot = reference.position - q, reference.velocity - qd
-        r_dot = reference.acceleration - flow.acceleration + self.Lambda * e_dot
-        kinetic = kinetic_rate(true, q, qd, e_dot + self.Lambda * e, r_dot)
-        bend = (self.Lambda * e) @ self.K @ e_dot + e @ self.K @ (self.Lambda * e_dot)
-        V_dot = kinetic + bend
-        off = self.estimate - self.parameters.of(true)
-        return float(V_dot + off @ np.linalg.solve(self.Gamma, flow.estimate_rate))
-
-    def compiled_law(self, robot: Chain) -> Law:
+    def compiled_law(self, robot: Chain | None = None) -> Law:
         """The controller as arrays for the compiled loop."""
         base, known = self.parameters, self.known or self.parameters.select([])
-        estimated = Estimated(base.columns, self.Gamma, base.of(robot), known.columns, known.values)
+        truth = base.of(robot or self.chain)
+        estimated = Estimated(base.columns, self.Gamma, truth, known.columns, known.values)
         return law(
             Kind.ADAPTIVE,
             self.chain,

@@ -3,13 +3,20 @@
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
-from tracking.controllers.control_law import Law
+from tracking.controllers.control_law import (
+    Law,
+    control_kernel,
+    lyapunov_kernel,
+    lyapunov_rate_kernel,
+    space,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,3 +133,61 @@ class AdaptiveController(Controller):
     @abstractmethod
     def adaptation(self, t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
         """Rate of change of the estimate, shape (p,) [1/s times its units]."""
+
+
+class LawController(Controller):
+    """A controller of this package, evaluated by the kernels of the compiled loop.
+
+    Its methods raise InvalidRobotState where the state has the wrong length or is not finite, and
+    MissingInertia where the model, or the true robot, lacks an inertia that counts.
+    """
+
+    __slots__ = ()
+
+    @abstractmethod
+    def compiled_law(self, robot: Chain | None = None) -> Law:
+        """The controller as arrays, driving a robot; its own model where none is given."""
+
+    def command(self, q: Array, qd: Array, reference: Reference) -> tuple[Array, Array]:
+        """Torque (n,) and rate of change of the estimate (b,), which others do not have."""
+        law = _law(self, None)
+        u, rate = np.empty(self.chain.n), np.empty(len(law.columns))
+        state, at = self._at(q, qd, reference)
+        control_kernel(law, space(len(u), law), state, at, self._estimate(), u, rate)
+        return u, rate
+
+    def torque(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
+        """Torque u of the law, shape (n,) [N m or N]."""
+        return self.command(q, qd, reference)[0]
+
+    def lyapunov(
+        self, q: Array, qd: Array, reference: Reference, robot: Chain | None = None
+    ) -> float:
+        """Lyapunov function V of the controller's own stability proof."""
+        law = _law(self, robot)
+        state, at = self._at(q, qd, reference)
+        return lyapunov_kernel(law, space(self.chain.n, law), state, at, self._estimate())
+
+    def lyapunov_rate(self, flow: Flow, reference: Reference, robot: Chain | None = None) -> float:
+        """Rate V_dot of ``lyapunov`` along the motion of the closed loop."""
+        law = _law(self, robot)
+        state, at = self._at(flow.position, flow.velocity, reference)
+        rate = np.concatenate([flow.velocity, flow.acceleration, flow.estimate_rate])
+        made = space(self.chain.n, law)
+        return lyapunov_rate_kernel(law, made, state, at, self._estimate(), rate)
+
+    def _at(self, q: Array, qd: Array, reference: Reference) -> tuple[Array, Array]:
+        """State (2, n) and reference (3, n) as the kernels read them."""
+        state = [self.chain.state(q), self.chain.state(qd, "joint_velocities")]
+        at = [reference.position, reference.velocity, reference.acceleration]
+        return np.array(state), np.array(at, dtype=np.float64)
+
+    def _estimate(self) -> Array:
+        """Theta_hat, shape (b,), in memory of its own; empty where nothing is learned."""
+        return np.array(self.estimate) if isinstance(self, AdaptiveController) else np.zeros(0)
+
+
+@lru_cache(maxsize=8)
+def _law(controller: LawController, robot: Chain | None) -> Law:
+    """The law of a controller, for as long as it is evaluated from Python."""
+    return controller.compiled_law(robot)

@@ -10,17 +10,20 @@ from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from tracking.controllers.control_law import Kind, Law, law
-from tracking.controllers.controller import Controller, Flow, Reference
+from tracking.controllers.controller import LawController
 from tracking.controllers.gain import gain_vector, placed_gains
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class IndependentJoint(Controller):
+class IndependentJoint(LawController):
     """PD control with feedforward of each motor, J q_ddot + B q_dot = u.
 
         u = J q^r_ddot + B q^r_dot + K_p q_tilde + K_d q_tilde_dot,
 
-    so that J q_tilde_ddot + (B + K_d) q_tilde_dot + K_p q_tilde = 0 without load.
+    so that J q_tilde_ddot + (B + K_d) q_tilde_dot + K_p q_tilde = 0 without load. The energy of the
+    error, V = (q_tilde_dot^T J q_tilde_dot + q_tilde^T K_p q_tilde) / 2, has
+    V_dot = -q_tilde_dot^T (B + K_d) q_tilde_dot for the motors alone; the arm they carry is outside
+    this proof, so V may grow.
 
     Args:
         chain: The model; only the motors' inertia and friction are read.
@@ -96,31 +99,7 @@ class IndependentJoint(Controller):
         """The inertia that is fed forward, shape (n,)."""
         return self.chain.motor_inertia if self.inertia is None else self.inertia
 
-    def torque(self, _t: float, q: Array, qd: Array, reference: Reference, /) -> Array:
-        """Torque u = J q^r_ddot + B q^r_dot + K_p q_tilde + K_d q_tilde_dot, shape (n,)."""
-        e, e_dot = reference.position - q, reference.velocity - qd
-        feedforward = self.J * reference.acceleration
-        feedforward = feedforward + self.chain.viscous_friction * reference.velocity
-        return np.asarray(feedforward + self.Kp * e + self.Kd * e_dot)
-
-    def lyapunov(
-        self, q: Array, qd: Array, reference: Reference, _robot: Chain | None = None
-    ) -> float:
-        """Energy of the error, V = (q_tilde_dot^T J q_tilde_dot + q_tilde^T K_p q_tilde) / 2.
-
-        For the motors alone V_dot = -q_tilde_dot^T (B + K_d) q_tilde_dot; the arm they carry is
-        outside this proof, so V may grow.
-        """
-        e, e_dot = reference.position - q, reference.velocity - qd
-        return 0.5 * float(e_dot @ (self.J * e_dot) + e @ (self.Kp * e))
-
-    def lyapunov_rate(self, flow: Flow, reference: Reference, _robot: Chain | None = None) -> float:
-        """V_dot = q_tilde_dot^T (J q_tilde_ddot + K_p q_tilde)."""
-        e, e_dot = reference.position - flow.position, reference.velocity - flow.velocity
-        e_ddot = reference.acceleration - flow.acceleration
-        return float(e_dot @ (self.J * e_ddot + self.Kp * e))
-
-    def compiled_law(self, robot: Chain) -> Law:
+    def compiled_law(self, robot: Chain | None = None) -> Law:
         """The controller as arrays for the compiled loop."""
         return law(
             Kind.INDEPENDENT_JOINT,

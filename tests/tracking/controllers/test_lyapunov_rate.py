@@ -12,12 +12,11 @@ from kinematics.model.chain import Chain
 from tests.dynamics.samples import random_chain
 from tests.tracking.samples import constant, smooth
 from tracking.controllers.adaptive import Adaptive
-from tracking.controllers.control_law import Kind, law, space
-from tracking.controllers.controller import Controller, Flow, Reference
+from tracking.controllers.control_law import Kind
+from tracking.controllers.controller import Controller, Reference
 from tracking.controllers.independent_joint import IndependentJoint
 from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
 from tracking.simulation import callback
-from tracking.simulation.loop import lyapunov_rate_kernel
 from tracking.simulation.result import SimulationResult
 from tracking.simulation.setup import prepare
 from tracking.simulation.simulation import Disturbance, SimulationOptions, simulate
@@ -132,16 +131,3 @@ def test_a_controller_without_a_rate_has_none() -> None:
 
     found = simulate(Idle(), constant(ARM, START, 0.01), TIGHT)
     assert np.isnan(found.lyapunov_rate).all()
-
-
-def test_a_law_of_another_robot_takes_that_robot_s_mass() -> None:
-    made = law(Kind.PASSIVITY, ARM, scale_masses(ARM, 2.0), Kd=np.eye(N), Lambda=np.ones(N))
-    state, reference = np.array([START, END]), np.zeros((3, N))
-    rate = np.concatenate([END, np.ones(N)])
-    heavy = Passivity(ARM, np.array(1.0), np.array(1.0))
-    value = lyapunov_rate_kernel(made, space(N, made), state, reference, np.zeros(0), rate)
-    flow = Flow(START, END, np.ones(N))
-    at = Reference(*reference)
-    expected = heavy.lyapunov_rate(flow, at, scale_masses(ARM, 2.0))
-    assert value == pytest.approx(expected, rel=1e-10)
-    assert value != pytest.approx(heavy.lyapunov_rate(flow, at), rel=1e-3)
