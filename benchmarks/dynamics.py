@@ -53,40 +53,23 @@ def best(calls: Mapping[str, tuple[Call, int]]) -> dict[str, float]:
 def rows(chain: Chain, model: Any, states: Array) -> dict[str, Row]:
     """All quantities, at the first of the states (3, m, n) and at all of them."""
     data = model.createData()
-    Q, Qd, Qdd = states
-    q, qd, qdd = (part[0].copy() for part in states)
-    bodies_only = partial(regressor, chain, motors=False)
+    one = [part[0].copy() for part in states]
+    # Of each quantity pinocchio's function and ours, and how many of q, q_dot, q_ddot it takes.
+    pairs: dict[str, tuple[Callable[..., object], Callable[..., object], int]] = {
+        "mass matrix": (pin.crba, mass_matrix, 1),
+        "inverse (RNEA)": (pin.rnea, inverse_dynamics, 3),
+        "Coriolis matrix": (pin.computeCoriolisMatrix, coriolis_matrix, 2),
+        "gravity": (pin.computeGeneralizedGravity, gravity_vector, 1),
+        "regressor": (pin.computeJointTorqueRegressor, partial(regressor, motors=False), 3),
+        "forward": (pin.aba, forward_dynamics, 3),
+    }
     return {
-        "mass matrix": Row(
-            partial(pin.crba, model, data, q),
-            partial(mass_matrix, chain, q),
-            partial(mass_matrix, chain, Q),
-        ),
-        "inverse (RNEA)": Row(
-            partial(pin.rnea, model, data, q, qd, qdd),
-            partial(inverse_dynamics, chain, q, qd, qdd),
-            partial(inverse_dynamics, chain, Q, Qd, Qdd),
-        ),
-        "Coriolis matrix": Row(
-            partial(pin.computeCoriolisMatrix, model, data, q, qd),
-            partial(coriolis_matrix, chain, q, qd),
-            partial(coriolis_matrix, chain, Q, Qd),
-        ),
-        "gravity": Row(
-            partial(pin.computeGeneralizedGravity, model, data, q),
-            partial(gravity_vector, chain, q),
-            partial(gravity_vector, chain, Q),
-        ),
-        "regressor": Row(
-            partial(pin.computeJointTorqueRegressor, model, data, q, qd, qdd),
-            partial(bodies_only, q, qd, qdd),
-            partial(bodies_only, Q, Qd, Qdd),
-        ),
-        "forward": Row(
-            partial(pin.aba, model, data, q, qd, qdd),
-            partial(forward_dynamics, chain, q, qd, qdd),
-            partial(forward_dynamics, chain, Q, Qd, Qdd),
-        ),
+        name: Row(
+            partial(theirs, model, data, *one[:count]),
+            partial(ours, chain, *one[:count]),
+            partial(ours, chain, *states[:count]),
+        )
+        for name, (theirs, ours, count) in pairs.items()
     }
 
 

@@ -21,7 +21,6 @@ import logging
 import statistics
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -33,6 +32,7 @@ from numpy.typing import NDArray
 from benchmarks import mbm_problems
 from benchmarks.judges.least_time import stops
 from benchmarks.judges.ratios import worst_ratio
+from benchmarks.kinematics import once
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.jerk_limited import time_path_with_jerk
 from planning.timing.method import timing_method
@@ -92,17 +92,6 @@ def sampled_ratio(trajectory: Any) -> float:
     return float(max(velocity.max(), acceleration.max()))
 
 
-def milliseconds(function: Callable[[], object], repeats: int = 5) -> float:
-    """Median processor time of several calls after one to warm up."""
-    function()
-    spent = []
-    for _ in range(repeats):
-        start = time.process_time()
-        function()
-        spent.append(time.process_time() - start)
-    return 1e3 * statistics.median(spent)
-
-
 def paths(kind: str, rng: np.random.Generator) -> JointPath:
     """A random seven-joint path of a kind."""
     waypoints = rng.uniform(-2.0, 2.0, (6, 7))
@@ -125,8 +114,8 @@ def compare(kind: str, points: int) -> str:
         peaks.append((trajectory.peaks(1).value / VELOCITY).max())
         peaks.append((trajectory.peaks(2).value / ACCELERATION).max())
         samples.append(sampled_ratio(reference))
-        ours.append(milliseconds(mine))
-        theirs.append(milliseconds(other))
+        ours.append(once(mine) / 1e3)
+        theirs.append(once(other) / 1e3)
     a, b = statistics.median(ours), statistics.median(theirs)
     return (
         f"{kind:16}{points:7}{a:9.2f}{b:8.2f}{a / b:8.3f}"
@@ -148,7 +137,7 @@ def jerk_line(count: int, part: float, softness: float) -> str:
         ratios.append(max(worst_ratio(trajectory, v, k) for k, v in enumerate(limits, 1)))
         gains.append(trajectory.duration / stops(waypoints, limits))
         factors.append(factor)
-        spent.append(milliseconds(mine))
+        spent.append(once(mine) / 1e3)
     return (
         f"{count:9}{part:7.2f}{softness:10.0f}{statistics.median(spent):10.1f}{max(spent):8.1f}"
         f"{statistics.median(gains):10.3f}{max(gains):8.3f}{max(factors):10.4f}"
