@@ -139,7 +139,7 @@ def numeric(name: str, options: argparse.Namespace) -> None:
         told = ask_peers(options.peers, name, chain, poses[:m], starts[:m], NUMERIC_PEERS)
         ours = float(np.median(spent[:m]))
         report_peers(told, NUMERIC_PEERS, judge, poses[:m], ours)
-    poses, starts = forward(chain, sets["random"][:1000]), starts[:1000]
+    poses = forward(chain, sets["random"][:1000])
     starts = random_configurations(chain, len(poses), 3)
     report_batch(chain, poses, starts, search)
 
@@ -169,15 +169,19 @@ def report_batch(chain: Chain, poses: Array, starts: Array, options: SearchOptio
     )
 
 
+def answered(told: dict[str, Any], peers: tuple[str, ...]) -> list[str]:
+    """Peers that have answered; prints why others were left out."""
+    for peer in peers:
+        if f"{peer}: missing" in told:
+            print(f"    {peer}: left out, {told[f'{peer}: missing']}")
+    return [peer for peer in peers if f"{peer}: spent" in told]
+
+
 def report_peers(
     told: dict[str, Any], peers: tuple[str, ...], judge: Judge, poses: Array, ours: float
 ) -> None:
     """Print what the peers did on the shared poses."""
-    for peer in peers:
-        if f"{peer}: missing" in told:
-            print(f"    {peer}: left out, {told[f'{peer}: missing']}")
-        if f"{peer}: spent" not in told:
-            continue
+    for peer in answered(told, peers):
         spent = told[f"{peer}: spent"]
         good = [
             any(judge.good(q, T, 1.5e-6) for q in rows)
@@ -232,9 +236,7 @@ def analytic(name: str, options: argparse.Namespace) -> None:
         for k in unanswered[:10]:
             print(f"    unanswered: {np.array2string(q[k], precision=6)}")
         m = min(options.shared, len(q))
-        if chain.n != 6:
-            continue
-        if options.peers is None:
+        if chain.n != 6 or options.peers is None:
             continue
         rounds = []
         for _ in range(_TURNS):
@@ -242,11 +244,7 @@ def analytic(name: str, options: argparse.Namespace) -> None:
             _, spent = time_calls(partial(_solve_branches, chain, list(poses[:m]), None), m)
             told = ask_peers(options.peers, name, chain, poses[:m], q[:m], ANALYTIC_PEERS)
             rounds.append((float(np.median(spent)), told))
-        for peer in ANALYTIC_PEERS:
-            if f"{peer}: missing" in told:
-                print(f"    {peer}: left out, {told[f'{peer}: missing']}")
-            if f"{peer}: spent" not in told:
-                continue
+        for peer in answered(told, ANALYTIC_PEERS):
             theirs = [float(np.median(answer[f"{peer}: spent"])) for _, answer in rounds]
             ours = [median for median, _ in rounds]
             ratios = np.array(ours) / theirs
