@@ -21,6 +21,7 @@ class ProblemError(Exception):
         stage: The step that failed.
         status: Another HTTP status than that of the kind.
         retry_after: Seconds after which a new attempt makes sense.
+        headers: Headers of its answer beside the usual ones, by name.
         details: Values a program can use.
     """
 
@@ -33,6 +34,7 @@ class ProblemError(Exception):
         stage: str | None = None,
         status: int | None = None,
         retry_after: int | None = None,
+        headers: Mapping[str, str] | None = None,
         **details: Any,
     ) -> None:
         super().__init__(detail)
@@ -42,6 +44,7 @@ class ProblemError(Exception):
         self.stage = stage
         self.status = status
         self.retry_after = retry_after
+        self.headers = dict(headers or {})
         self.details = details
 
 

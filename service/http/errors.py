@@ -60,38 +60,6 @@ KINDS: Mapping[str, Kind] = {
 _UNLISTED = Kind(422, "The request can't be answered", "")
 
 
-class HttpProblemError(ProblemError):
-    """A problem whose answer carries more headers than the usual ones.
-
-    Args:
-        code: The kind of problem.
-        detail: Fault of this one request, and its place.
-        headers: Headers by name.
-        more: Further arguments of `ProblemError`.
-    """
-
-    def __init__(self, code: str, detail: str, headers: Mapping[str, str], **more: Any) -> None:
-        super().__init__(code, detail, **more)
-        self.headers = dict(headers)
-
-
-def with_headers(
-    problem: ProblemError, headers: Mapping[str, str], **details: Any
-) -> HttpProblemError:
-    """A problem with more headers and more details."""
-    more = HttpProblemError(
-        problem.code,
-        problem.detail,
-        headers_of(problem) | dict(headers),
-        hint=problem.hint,
-        stage=problem.stage,
-        status=problem.status,
-        retry_after=problem.retry_after,
-    )
-    more.details = problem.details | details
-    return more
-
-
 def status_of(problem: ProblemError) -> int:
     """The HTTP status of a problem."""
     return problem.status or KINDS.get(problem.code, _UNLISTED).status
@@ -99,10 +67,9 @@ def status_of(problem: ProblemError) -> int:
 
 def headers_of(problem: ProblemError) -> dict[str, str]:
     """The headers of the answer that tells a problem."""
-    headers = problem.headers if isinstance(problem, HttpProblemError) else {}
-    if problem.retry_after is not None:
-        headers = headers | {"Retry-After": str(problem.retry_after)}
-    return headers
+    if problem.retry_after is None:
+        return problem.headers
+    return problem.headers | {"Retry-After": str(problem.retry_after)}
 
 
 def document(problem: ProblemError, instance: str) -> dict[str, Any]:
@@ -197,7 +164,7 @@ def _from_framework(request: Request, error: HTTPException) -> ProblemError:
     headers = dict(error.headers or {})
     if status == 405:
         headers["Allow"] = ", ".join(_possible_methods(request))
-    return HttpProblemError(code, detail, headers, hint=hint, status=status)
+    return ProblemError(code, detail, headers=headers, hint=hint, status=status)
 
 
 def _possible_methods(request: Request) -> list[str]:

@@ -23,7 +23,7 @@ from armwright_wire.base import Keepable
 from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
 from service.http.audit import check_answer
-from service.http.errors import document, from_domain, status_of, with_headers
+from service.http.errors import document, from_domain, status_of
 from service.http.state import (
     DRY_RUN,
     REPLAY,
@@ -95,8 +95,9 @@ async def answer_and_keep(
         plan_id = await _keep(request, failure)
         if plan_id is None:
             raise problem from None
-        place = {"Location": f"/v1/plans/{plan_id}"}
-        raise with_headers(problem, place, plan_id=plan_id) from None
+        problem.headers["Location"] = f"/v1/plans/{plan_id}"
+        problem.details["plan_id"] = plan_id
+        raise problem from None
     outcome = _Outcome(response.status_code, None, bytes(response.body))
     plan_id = await _keep(request, outcome)
     if plan_id is None:

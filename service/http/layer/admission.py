@@ -12,7 +12,6 @@ from contextlib import asynccontextmanager
 from starlette.types import Scope
 
 from service.access.caller import client_of
-from service.http.errors import with_headers
 from service.http.request_headers import field
 from service.settings import Settings
 from service.workers.faults import QueueFull
@@ -64,7 +63,8 @@ class Admission:
         try:
             await self._check(scope, self._settings.max_timeout, size)
         except QueueFull as problem:
-            raise with_headers(problem, {"Connection": "close"}) from None
+            problem.headers["Connection"] = "close"
+            raise
 
     @asynccontextmanager
     async def admitted(self, scope: Scope, content: bytes) -> AsyncIterator[None]:

@@ -20,7 +20,7 @@ from service import logs
 from service.access.authentication import Authenticator
 from service.access.caller import CALLER, Caller, caller_of, needed_scope
 from service.access.rate_limit import Allowance, RateLimiter
-from service.http.errors import HttpProblemError, response_to, with_headers
+from service.http.errors import response_to
 from service.http.layer.admission import Admission
 from service.http.layer.request_checks import (
     ARRIVAL,
@@ -194,7 +194,7 @@ class ServiceMiddleware:
         """Check what the head of a request tells.
 
         Raises:
-            HttpProblemError: INVALID_REQUEST, HOST_NOT_ALLOWED, FORBIDDEN.
+            ProblemError: INVALID_REQUEST, HOST_NOT_ALLOWED, FORBIDDEN.
             ProblemError: NOT_FOUND.
         """
         check_head(scope)
@@ -210,7 +210,7 @@ class ServiceMiddleware:
         """Check that the caller may ask this, and note who it is.
 
         Raises:
-            HttpProblemError: UNAUTHENTICATED, FORBIDDEN.
+            ProblemError: UNAUTHENTICATED, FORBIDDEN.
             ProblemError: STORAGE_UNAVAILABLE.
         """
         needed = needed_scope(
@@ -234,7 +234,8 @@ class ServiceMiddleware:
                 raise
             shown = "authorization" in headers or "x-api-key" in headers
             challenge = f'{_CHALLENGE}, error="invalid_token"' if shown else _CHALLENGE
-            raise with_headers(problem, {"WWW-Authenticate": challenge} | _CLOSE) from None
+            problem.headers |= {"WWW-Authenticate": challenge} | _CLOSE
+            raise
         if not caller.may(needed):
             raise _forbidden(caller, needed)
         scope[CALLER], scope[_KEY] = caller, key
@@ -246,7 +247,7 @@ class ServiceMiddleware:
             The headers of its answer that tell what is left.
 
         Raises:
-            HttpProblemError: OVERLOADED.
+            ProblemError: OVERLOADED.
         """
         key: ApiKey | None = scope.get(_KEY)
         if key is None or key.rate is None:
@@ -260,7 +261,7 @@ class ServiceMiddleware:
         """Answer a request that the service has time for, once its body is there.
 
         Raises:
-            HttpProblemError: PAYLOAD_TOO_LARGE, REQUEST_TIMEOUT, OVERLOADED.
+            ProblemError: PAYLOAD_TOO_LARGE, REQUEST_TIMEOUT, OVERLOADED.
             ClientDisconnect: The client left before.
         """
         admission: Admission | None = getattr(self._state, "admission", None)
@@ -303,11 +304,11 @@ def _log_request(scope: Scope, route: str, status: int, seconds: float) -> None:
     logs.key_id.reset(key)
 
 
-def _forbidden(caller: Caller, needed: NeededScope) -> HttpProblemError:
-    return HttpProblemError(
+def _forbidden(caller: Caller, needed: NeededScope) -> ProblemError:
+    return ProblemError(
         "FORBIDDEN",
         f"this needs an API key of the scope {needed}; the one that was shown has {caller.scope}",
-        {"WWW-Authenticate": f'{_CHALLENGE}, error="insufficient_scope", scope="{needed}"'}
+        headers={"WWW-Authenticate": f'{_CHALLENGE}, error="insufficient_scope", scope="{needed}"'}
         | _CLOSE,
         stage="request",
         hint="Use another key. Whoever runs the service makes one with `armwright keys create`.",
@@ -316,11 +317,11 @@ def _forbidden(caller: Caller, needed: NeededScope) -> HttpProblemError:
     )
 
 
-def _too_many(allowance: Allowance) -> HttpProblemError:
-    return HttpProblemError(
+def _too_many(allowance: Allowance) -> ProblemError:
+    return ProblemError(
         "OVERLOADED",
         f"this API key allows {allowance.limit} requests a minute",
-        _rate_headers(allowance) | _CLOSE,
+        headers=_rate_headers(allowance) | _CLOSE,
         stage="request",
         hint="Ask again after the time in Retry-After.",
         retry_after=allowance.retry_after,

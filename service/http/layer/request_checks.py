@@ -24,8 +24,8 @@ from typing import Any
 from starlette.requests import ClientDisconnect
 from starlette.types import Message, Receive, Scope
 
-from service.http.errors import HttpProblemError
 from service.http.request_headers import field, values
+from service.problem import ProblemError, request_problem
 
 #: Key in the scope of a request with the instant at which it began to arrive, on the clock of
 #: `time.monotonic` [s].
@@ -42,9 +42,9 @@ _READING = frozenset({"GET", "HEAD", "OPTIONS"})
 _HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._\-]+)(:[0-9]{1,5})?")
 
 
-def _refused(code: str, detail: str, **more: Any) -> HttpProblemError:
+def _refused(code: str, detail: str, **more: Any) -> ProblemError:
     """A fault of a request that ends its connection."""
-    return HttpProblemError(code, detail, _CLOSE, stage="request", **more)
+    return request_problem(code, detail, headers=_CLOSE, **more)
 
 
 def check_head(scope: Scope) -> None:
@@ -54,7 +54,7 @@ def check_head(scope: Scope) -> None:
         scope: Scope of the request.
 
     Raises:
-        HttpProblemError: INVALID_REQUEST: another version of HTTP, no header Host or several, a
+        ProblemError: INVALID_REQUEST: another version of HTTP, no header Host or several, a
             transfer encoding that is not served, or a body behind the offer of another protocol,
             which the parser leaves unread.
     """
@@ -83,7 +83,7 @@ def offers_upgrade(scope: Scope) -> bool:
     return any("upgrade" in value.lower() for value in values(scope, b"connection"))
 
 
-def _malformed(detail: str) -> HttpProblemError:
+def _malformed(detail: str) -> ProblemError:
     return _refused(
         "INVALID_REQUEST",
         detail,
@@ -150,7 +150,7 @@ def check_host(scope: Scope, names: frozenset[str], origins: tuple[str, ...]) ->
         origins: Origins whose pages may change things, "*" for all.
 
     Raises:
-        HttpProblemError: HOST_NOT_ALLOWED, FORBIDDEN.
+        ProblemError: HOST_NOT_ALLOWED, FORBIDDEN.
     """
     host = field(scope, b"host")
     # HTTP/1.1 without the header is refused by `check_head`; older requests come from probes.
@@ -195,7 +195,7 @@ async def read_body(scope: Scope, receive: Receive, limits: BodyLimits) -> bytes
         limits: Limits of the body.
 
     Raises:
-        HttpProblemError: PAYLOAD_TOO_LARGE, REQUEST_TIMEOUT.
+        ProblemError: PAYLOAD_TOO_LARGE, REQUEST_TIMEOUT.
         ClientDisconnect: The client left before.
     """
     announced = field(scope, b"content-length") or ""
@@ -240,7 +240,7 @@ def _check_size(size: int, limits: BodyLimits) -> None:
         raise _too_large(limits)
 
 
-def _too_large(limits: BodyLimits) -> HttpProblemError:
+def _too_large(limits: BodyLimits) -> ProblemError:
     return _refused(
         "PAYLOAD_TOO_LARGE",
         f"the body is larger than {limits.max_size} bytes",

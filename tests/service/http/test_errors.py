@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from kinematics.errors import ArmwrightError, InvalidScene
 from service.http.errors import (
     KINDS,
-    HttpProblemError,
     document,
     from_domain,
     headers_of,
@@ -55,7 +54,7 @@ def test_a_problem_may_have_another_status() -> None:
 def test_a_problem_may_say_when_to_ask_again() -> None:
     assert headers_of(ProblemError("OVERLOADED", "")) == {}
     assert headers_of(ProblemError("OVERLOADED", "", retry_after=3)) == {"Retry-After": "3"}
-    closing = HttpProblemError("PAYLOAD_TOO_LARGE", "", {"Connection": "close"}, retry_after=0)
+    closing = ProblemError("PAYLOAD_TOO_LARGE", "", headers={"Connection": "close"}, retry_after=0)
     assert headers_of(closing) == {"Connection": "close", "Retry-After": "0"}
 
 

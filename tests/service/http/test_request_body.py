@@ -9,9 +9,10 @@ from unittest import mock
 
 import pytest
 
-from service.http.errors import HttpProblemError, status_of
+from service.http.errors import status_of
 from service.http.layer import request_checks
 from service.http.layer.request_checks import ARRIVAL, BodyLimits, read_body
+from service.problem import ProblemError
 
 SIZE = 10
 
@@ -57,8 +58,8 @@ def run(parts: Sequence[bytes | float], length: str | None = None) -> bytes:
             return runner.run(read_body(scope, receive, BodyLimits(SIZE, 0.05, 0.15)))
 
 
-def refusal(*parts: bytes | float, length: str | None = None) -> HttpProblemError:
-    with pytest.raises(HttpProblemError) as refused:
+def refusal(*parts: bytes | float, length: str | None = None) -> ProblemError:
+    with pytest.raises(ProblemError) as refused:
         run(parts, length)
     assert refused.value.headers == {"Connection": "close"}
     return refused.value
