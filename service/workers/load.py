@@ -16,26 +16,20 @@ class FairQueue:
     """Tickets by the client that they belong to; clients take turns, each in its own order.
 
     A client with a hundred requests delays one with a single request by one, not by a hundred.
-
-    Attributes:
-        changes: counts what came and what went.
     """
 
     def __init__(self) -> None:
-        self.changes = 0
         self._tickets: OrderedDict[str, deque[Ticket]] = OrderedDict()
         self._count = 0
 
     def append(self, ticket: Ticket) -> None:
         """Have a ticket wait behind all others of its client."""
         self._tickets.setdefault(ticket.client, deque()).append(ticket)
-        self.changes += 1
         self._count += 1
 
     def appendleft(self, ticket: Ticket) -> None:
         """Have a ticket wait in front of all others."""
         self._tickets.setdefault(ticket.client, deque()).appendleft(ticket)
-        self.changes += 1
         self._count += 1
         self._tickets.move_to_end(ticket.client, last=False)
 
@@ -46,7 +40,6 @@ class FairQueue:
             KeyError: There is none.
         """
         client, tickets = self._tickets.popitem(last=False)
-        self.changes += 1
         self._count -= 1
         ticket = tickets.popleft()
         if tickets:
@@ -62,7 +55,6 @@ class FairQueue:
         """
         tickets = self._tickets[ticket.client]
         tickets.remove(ticket)
-        self.changes += 1
         self._count -= 1
         if not tickets:
             del self._tickets[ticket.client]
@@ -86,24 +78,17 @@ class FairQueue:
 
 
 class InFlight:
-    """Requests in flight, from their admission until they are answered, counted by client.
-
-    Attributes:
-        changes: counts what came and what went.
-    """
+    """Requests in flight, from their admission until they are answered, counted by client."""
 
     def __init__(self) -> None:
-        self.changes = 0
         self._clients: Counter[str] = Counter()
 
     def enter(self, client: str) -> None:
         """Note that a request of a client was let in."""
         self._clients[client] += 1
-        self.changes += 1
 
     def leave(self, client: str) -> None:
         """Note that a request of a client was answered or given up."""
-        self.changes += 1
         self._clients[client] -= 1
         if not self._clients[client]:
             del self._clients[client]

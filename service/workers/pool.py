@@ -9,14 +9,14 @@ import time
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
-from service.workers.fork.client import ForkServer, ForkServerLost, in_thread
+from service.workers.fork.client import ForkServer, ForkServerLost
 from service.workers.fork.launch import Launched, Recipe, launch
 from service.workers.fork.server import Notice
 from service.workers.main import Reply
 from service.workers.process import (
     DEFAULT_LIMITS,
     EXIT_TIMEOUT,
-    MemoryMeter,
+    Memory,
     Worker,
     WorkerLimits,
     limit_memory,
@@ -158,7 +158,7 @@ class WorkerPool:
             if fork_server is not None:
                 await fork_server.end()
         if self._launched is not None:
-            await in_thread(self._launched.end)
+            await asyncio.to_thread(self._launched.end)
         self._fork_server = self._twin = self._launched = None
         self.workers.clear()
 
@@ -309,8 +309,7 @@ class WorkerPool:
         if kind == Reply.READY:
             self._failing.discard(slot)
             worker.warm = True
-            worker.memory = MemoryMeter(worker.process.pid)
-            worker.resident_at_first = worker.memory.resident
+            worker.resident_at_first = Memory.of(worker.process.pid).resident
             if slot not in self._warmed:
                 self._warmed.add(slot)
                 if self.ready:

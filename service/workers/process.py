@@ -9,6 +9,7 @@ import resource
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol, cast
 
 from planning.values.deadline import Deadline
@@ -18,48 +19,27 @@ from service.workers.main import HEADER
 from service.workers.task import Job
 
 _PAGE = os.sysconf("SC_PAGE_SIZE")
-#: A line of statm is shorter [byte].
-_LINE_BYTES = 128
 
 
-class MemoryMeter:
-    """The memory of a process, looked at again and again.
+class Memory(NamedTuple):
+    """Memory of a process.
 
-    After every job of a worker: to open the file each time takes five times as long as to read it.
-
-    Args:
-        pid: Number of the process.
+    Attributes:
+        size: its address space [byte]; 0 if it has ended.
+        resident: what it has in use [byte]; 0 if it has ended.
     """
 
-    def __init__(self, pid: int) -> None:
+    size: int
+    resident: int
+
+    @classmethod
+    def of(cls, pid: int) -> "Memory":
+        """The memory of a process as it is now."""
         try:
-            self._file: int | None = os.open(f"/proc/{pid}/statm", os.O_RDONLY)
+            pages = Path(f"/proc/{pid}/statm").read_text().split()
         except OSError:
-            self._file = None
-
-    @property
-    def size(self) -> int:
-        """Its address space [byte]; 0 if it has ended."""
-        return self._pages(0) * _PAGE
-
-    @property
-    def resident(self) -> int:
-        """The memory that it has in use [byte]; 0 if it has ended."""
-        return self._pages(1) * _PAGE
-
-    def close(self) -> None:
-        """Look no more."""
-        file, self._file = self._file, None
-        if file is not None:
-            os.close(file)
-
-    def _pages(self, field: int) -> int:
-        if self._file is None:
-            return 0
-        try:
-            return int(os.pread(self._file, _LINE_BYTES, 0).split(None, field + 1)[field])
-        except (OSError, ValueError, IndexError):
-            return 0
+            pages = []
+        return cls(int(pages[0]) * _PAGE, int(pages[1]) * _PAGE) if pages else cls(0, 0)
 
 
 class Watch(Protocol):
@@ -91,8 +71,6 @@ _log = logging.getLogger(__name__)
 #: Receives the progress of a job, from 0 to 1, and its stage.
 OnProgress = Callable[[float, str], None]
 
-#: Payloads up to this are sent with their header at once: copying costs less than a system call.
-_JOINED_BYTES = 64 * 1024
 #: Longest wait for the exit code of a process that is dying [s].
 EXIT_TIMEOUT = 1.0
 
@@ -218,7 +196,6 @@ class Worker(asyncio.Protocol):
         self.jobs = 0
         self.may_be_worn = False
         self.born = time.monotonic()
-        self.memory: MemoryMeter | None = None
         self.resident_at_first = 0
         self.lost_at = 0.0
         self.gone = asyncio.Event()
@@ -256,8 +233,6 @@ class Worker(asyncio.Protocol):
         if exc is None and self._has_sent_all and self.ticket is not None:
             self.ticket.arrived = True
         self.lost_at = time.monotonic()
-        if self.memory is not None:
-            self.memory.close()
         self.gone.set()
 
     def send(self, ticket: Ticket) -> None:
@@ -267,12 +242,8 @@ class Worker(asyncio.Protocol):
             ticket.deadline.at, ticket.wants_start, ticket.wants_progress, ticket.silence
         )
         head = main.prefix(len(header) + len(ticket.payload)) + header
-        if len(ticket.payload) <= _JOINED_BYTES:
-            self._transport.write(head + ticket.payload)
-            return
         # The payload may be tens of megabytes: it is not copied behind its header.
-        self._transport.write(head)
-        self._transport.write(ticket.payload)
+        self._transport.writelines([head, ticket.payload])
 
     def kill(self) -> None:
         """End the process, whatever it is doing."""
@@ -311,9 +282,7 @@ def limit_memory(pid: int, limits: WorkerLimits) -> None:
         pid: The worker, which was just forked.
         limits: Limits of a worker.
     """
-    meter = MemoryMeter(pid)
-    limit = meter.size + limits.memory
-    meter.close()
+    limit = Memory.of(pid).size + limits.memory
     # A worker that has died already, or of another user, has no limit set.
     with contextlib.suppress(OSError):
         resource.prlimit(pid, resource.RLIMIT_AS, (limit, limit))
@@ -323,5 +292,4 @@ def is_worn(worker: Worker, limits: WorkerLimits) -> bool:
     """Whether another worker is to take the place of one that has just done a job."""
     if worker.jobs >= limits.jobs or time.monotonic() - worker.born >= limits.age:
         return True
-    resident = 0 if worker.memory is None else worker.memory.resident
-    return resident - worker.resident_at_first > limits.growth
+    return Memory.of(worker.process.pid).resident - worker.resident_at_first > limits.growth

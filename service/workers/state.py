@@ -1,9 +1,8 @@
 """The state of a supervisor, as others may read it."""
 
 import math
-import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,11 +17,6 @@ from service.workers.task import Job
 _CAUTION = 1.25
 #: Longest time after which a refused request is told to ask again [s].
 _MAX_RETRY = 60
-#: An estimate of what is still to be done is good for this long while the queue is the same [s]:
-#: adding it up anew would be most of what a refusal costs.
-_GOOD_FOR = 0.01
-#: Refusals that are kept as long as that: a crowd asks for a few kinds of things.
-_MAX_EARLY = 64
 
 
 @dataclass(slots=True)
@@ -61,10 +55,6 @@ class SupervisorState:
         self._share = BackgroundShare()
         self._idle: list[Worker] = []
         self._accepting = False
-        self._estimates: dict[str | None, float] = {}
-        self._estimated = (-math.inf, -1)
-        self._early: dict[tuple[str, int, float, str], QueueFull] = {}
-        self._early_state = (-math.inf, (-1, -1, -1))
 
     @property
     def ready(self) -> bool:
@@ -178,26 +168,6 @@ class SupervisorState:
             client: Whom it is from.
             size: Size of the body [byte]; 0 where it is not known.
         """
-        now, changes = time.monotonic(), self._changes()
-        until, known = self._early_state
-        if now > until or changes != known:
-            self._early.clear()
-            self._early_state = (now + _GOOD_FOR, changes)
-        key = (task, size.bit_length(), seconds, client)
-        found = self._early.get(key)
-        if found is not None:
-            self.counters.rejected += 1
-            return found
-        found = self._early_refusal(task, seconds, client, size)
-        if found is not None and len(self._early) < _MAX_EARLY:
-            self._early[key] = found
-        return found
-
-    def _changes(self) -> tuple[int, int, int]:
-        """A value that changes with whoever waits, is on the way, or has a worker."""
-        return self._waiting.changes, self.in_flight.changes, len(self._idle)
-
-    def _early_refusal(self, task: str, seconds: float, client: str, size: int) -> QueueFull | None:
         running = sum(1 for _ in self._running())
         queued = len(self._waiting) + running
         ahead = self.in_flight.ahead(client, queued)
@@ -228,19 +198,8 @@ class SupervisorState:
 
     def _work(self, client: str | None) -> float:
         """Time that workers need for what is before a new job of a client, or for all [s]."""
-        now, changes = time.monotonic(), self._waiting.changes
-        until, known = self._estimated
-        if now > until or changes != known:
-            self._estimates.clear()
-            self._estimated = (now + _GOOD_FOR, changes)
-        found = self._estimates.get(client)
-        if found is None:
-            waiting: Iterable[Ticket] = self._waiting
-            if client is not None:
-                waiting = self._waiting.ahead(client)
-            found = self.durations.remaining(self._running(), waiting) / self._count
-            self._estimates[client] = found
-        return found
+        waiting = self._waiting if client is None else self._waiting.ahead(client)
+        return self.durations.remaining(self._running(), waiting) / self._count
 
     def _running(self) -> Iterator[Ticket]:
         """The jobs that run and for which somebody waits, brief ones left out."""

@@ -7,7 +7,6 @@ import os
 import pickle
 import signal
 import socket
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -18,33 +17,6 @@ from typing import Any, NamedTuple
 from service.workers import main
 from service.workers.fork.launch import Launched
 from service.workers.fork.server import Notice, Order
-
-
-async def in_thread(function: Callable[..., Any], *args: Any) -> Any:
-    """Call what blocks in a thread that, unlike a pool's, is not waited for at the end."""
-    loop = asyncio.get_running_loop()
-    done: asyncio.Future[Any] = loop.create_future()
-
-    def settle(value: Any, error: BaseException | None) -> None:
-        if done.done():
-            return
-        if error is None:
-            done.set_result(value)
-        else:
-            done.set_exception(error)
-
-    def run() -> None:
-        value, problem = None, None
-        try:
-            value = function(*args)
-        except Exception as error:  # noqa: BLE001  (passed on to the caller)
-            problem = error
-        with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
-            loop.call_soon_threadsafe(settle, value, problem)
-
-    threading.Thread(target=run, daemon=True).start()
-    return await done
-
 
 _log = logging.getLogger(__name__)
 
@@ -212,12 +184,12 @@ class ForkServer:
     async def reap(self) -> None:
         """End the process, but not its workers."""
         self._lose()
-        await in_thread(self._launched.reap)
+        await asyncio.to_thread(self._launched.reap)
 
     async def end(self) -> None:
         """End the process and all its workers, whatever they are doing."""
         self._lose()
-        await in_thread(self._launched.end)
+        await asyncio.to_thread(self._launched.end)
 
     def _receive(self) -> None:
         try:

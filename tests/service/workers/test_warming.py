@@ -9,7 +9,7 @@ import pytest
 
 from service.problem import ProblemError
 from service.workers.faults import DeadlineExceeded
-from service.workers.process import MemoryMeter, WorkerLimits
+from service.workers.process import Memory, WorkerLimits
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.workers.pools import chore, ready, supervised, supervisor, working
 
@@ -151,7 +151,7 @@ async def test_a_worker_that_has_grown_is_replaced(workers: WorkerSupervisor) ->
     assert pids[0] == pids[1] == pids[2] != pids[3], "72 MiB are above 64"
     await asyncio.sleep(0)  # who waited for the answer came first
     assert workers.counters.recycled == 2
-    assert MemoryMeter(pids[0]).resident == 0
+    assert Memory.of(pids[0]) == (0, 0)
 
 
 def test_a_worker_is_replaced_after_its_jobs_and_at_its_age() -> None:
