@@ -4,18 +4,17 @@ import asyncio
 import contextlib
 import dataclasses
 import time
+from collections.abc import Sequence
 
 from starlette.concurrency import run_in_threadpool
 from starlette.types import ASGIApp
 
 from service.access.caller import ANYONE, Caller
 from service.http.answers import BUILD_TIMEOUT
-from service.jobs import records
 from service.jobs.engine import Engine, TryLater, engine_schema
-from service.jobs.execution import BATCH_PATH
-from service.jobs.live_job import LiveJob
+from service.jobs.execution import BATCH_PATH, when_possible
+from service.jobs.live_job import LiveJob, new_record
 from service.jobs.runner import Jobs
-from service.jobs.storage_retry import when_possible
 from service.settings import Settings
 from service.storage import messages
 from service.storage.database import StorageUnavailable
@@ -111,7 +110,7 @@ class AgentJobs(Jobs):
             ProblemError: As `check_room`; STORAGE_UNAVAILABLE.
         """
         await self.check_room(len(request.body), caller)
-        new = records.new_record(request, caller)
+        new = new_record(request, caller)
         record = dataclasses.replace(new, carrier=AGENTS, event=1)
         await run_in_threadpool(self._store.add, record, request, told)
         return record
@@ -158,15 +157,14 @@ class AgentJobs(Jobs):
                 return
         await super()._work(live)
 
-    async def _chunks(self, live: LiveJob) -> list[Chunk]:
+    async def _chunks(self, live: LiveJob) -> Sequence[Chunk]:
         """The chunks into which a batch is cut by the durations that plans have had."""
         request = await when_possible(self._store.request, live.record.id)
         everywhere = await when_possible(self._servers.capacity)
         pace = Pace(self._supervisor.durations.mean(plan.name), self._supervisor.count, everywhere)
-        parts = await self._supervisor.submit(
+        return await self._supervisor.submit(
             cut.job(request.body, pace), None, Background(BUILD_TIMEOUT, lambda: self._start(live))
         )
-        return [Chunk(part.first, part.size, part.content) for part in parts]
 
     async def _join(self, batch: str | None) -> None:
         """End a batch if the chunk that has ended was its last one."""

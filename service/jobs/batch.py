@@ -19,8 +19,7 @@ from service.http.compute import allowed_time
 from service.http.errors import document, from_domain
 from service.http.metrics import Metrics
 from service.http.state import JobContext, settings_of, supervisor_of
-from service.jobs.execution import BATCH_PATH
-from service.jobs.storage_retry import STORAGE_RETRY
+from service.jobs.execution import BATCH_PATH, STORAGE_RETRY
 from service.problem import ProblemError, from_fields, unexpected_fault
 from service.storage.caches import prepared_files
 from service.storage.caches.cache_key import Reference

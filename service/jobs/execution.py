@@ -9,9 +9,9 @@ import contextlib
 import logging
 import time
 from collections import deque
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from dataclasses import replace
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from starlette.concurrency import run_in_threadpool
 from starlette.types import ASGIApp
@@ -19,17 +19,56 @@ from starlette.types import ASGIApp
 from service.access.caller import Caller
 from service.http.errors import status_of
 from service.http.state import JobContext
-from service.jobs import records, storage_retry
-from service.jobs.live_job import LiveJob
+from service.jobs.live_job import (
+    MAX_ATTEMPTS,
+    LiveJob,
+    lost_job,
+    next_attempt,
+    overdue_job,
+    problem_answer,
+)
 from service.jobs.replay import Replayed, replay
-from service.jobs.storage_retry import purge, when_possible
 from service.problem import ProblemError, unexpected_fault
 from service.settings import Settings
 from service.storage.database import StorageUnavailable
 from service.storage.store import Store
-from service.storage.stores.job_store import JobAnswer, JobRecord, Status
+from service.storage.stores.job_store import JobAnswer, JobRecord, JobStore, Status
 from service.storage.stores.server_store import HEARTBEAT
 from service.workers.faults import ShuttingDown
+
+#: How often storage that can't be used is tried again [s].
+STORAGE_RETRY = 0.5
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+async def when_possible(call: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+    """The result of a call of the storage, as soon as the storage can be used."""
+    while True:
+        try:
+            return await run_in_threadpool(call, *args, **kwargs)
+        except StorageUnavailable:
+            await asyncio.sleep(STORAGE_RETRY)
+
+
+#: How often old answers are looked for [s].
+_PERIOD = 60.0
+
+
+async def purge(jobs: JobStore, settings: Settings) -> None:
+    """Forget ended jobs that are too old or too many, if the storage can be used."""
+    oldest = time.time() - settings.job_lifetime
+    with contextlib.suppress(StorageUnavailable):
+        await run_in_threadpool(jobs.purge, oldest, settings.job_count, settings.job_storage)
+
+
+async def purge_periodically(jobs: JobStore, settings: Settings) -> None:
+    """Forget old answers once in a while, until it is cancelled."""
+    while True:
+        await purge(jobs, settings)
+        await asyncio.sleep(_PERIOD)
+
 
 _log = logging.getLogger(__name__)
 #: Batches that run at the same time; each keeps the workers busy by itself.
@@ -108,10 +147,10 @@ class JobExecution:
         try:
             await self._work(live)
         except ProblemError as problem:
-            await self._finish(live, "failed", records.problem_answer(problem, live.record.path))
+            await self._finish(live, "failed", problem_answer(problem, live.record.path))
         except Exception:  # noqa: BLE001  (whatever it is, the job must end)
             mishap = unexpected_fault(f"job {live.record.id}")
-            await self._finish(live, "failed", records.problem_answer(mishap, live.record.path))
+            await self._finish(live, "failed", problem_answer(mishap, live.record.path))
         finally:
             self._running[batch] -= 1
             self._start_next(batch)
@@ -146,9 +185,9 @@ class JobExecution:
                     replayed = await replay(self._app, request, context)
                     if not replayed.is_storage_fault:
                         return replayed
-                    await asyncio.sleep(storage_retry.STORAGE_RETRY)
+                    await asyncio.sleep(STORAGE_RETRY)
         except TimeoutError:
-            raise records.overdue_job(self._settings.job_deadline) from None
+            raise overdue_job(self._settings.job_deadline) from None
 
     def _start(self, live: LiveJob) -> None:
         if live.start():
@@ -200,11 +239,11 @@ class JobExecution:
     async def _take(self, record: JobRecord, deadline: float) -> LiveJob:
         """Queue a job that no other server has; if it has lost its last attempt, it has failed."""
         ran = record.status == "running"
-        live = LiveJob(records.next_attempt(record) if ran else record, deadline, 0)
+        live = LiveJob(next_attempt(record) if ran else record, deadline, 0)
         live.stored = True
         self._live[record.id] = live
-        if live.record.attempt > records.MAX_ATTEMPTS:
-            problem = records.problem_answer(records.lost_job(), record.path)
+        if live.record.attempt > MAX_ATTEMPTS:
+            problem = problem_answer(lost_job(), record.path)
             await self._finish(live, "failed", problem)
             return live
         if ran:

@@ -1,6 +1,8 @@
 """A job that has not ended yet: where it stands, and the stream of its events."""
 
 import asyncio
+import json
+import secrets
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
@@ -9,7 +11,66 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from service.storage.stores.job_store import ENDED, JobAnswer, JobRecord, Status
+from service.access.caller import Caller
+from service.http.errors import PROBLEM_MEDIA_TYPE, document
+from service.problem import ProblemError
+from service.storage.stores.job_store import ENDED, JobAnswer, JobRecord, Status, StoredRequest
+
+#: Servers that may die while they work on a job: after that, it may be what kills them.
+MAX_ATTEMPTS = 2
+
+
+def new_record(request: StoredRequest, caller: Caller) -> JobRecord:
+    """The record of a new job of a caller, which waits."""
+    # Twelve digits of time let later jobs sort after earlier ones; the rest can't be guessed.
+    now = time.time()
+    job_id = f"{int(1000 * now):012x}{secrets.token_hex(10)}"
+    return JobRecord(
+        job_id,
+        request.method,
+        request.path,
+        "queued",
+        created=now,
+        tenant=caller.tenant,
+        api_key=caller.api_key,
+    )
+
+
+def problem_answer(problem: ProblemError, instance: str) -> JobAnswer:
+    """The answer of a job that failed: the problem of a request to the path `instance`."""
+    content = json.dumps(document(problem, instance), ensure_ascii=False, allow_nan=False)
+    return JobAnswer(PROBLEM_MEDIA_TYPE, content.encode())
+
+
+def waiting_again(record: JobRecord) -> JobRecord:
+    """The record of a job that begins anew."""
+    return replace(record, status="queued", progress=0.0, stage=None, started=None)
+
+
+def next_attempt(record: JobRecord) -> JobRecord:
+    """The record of a job that waits again, since the server died that worked on it."""
+    return replace(waiting_again(record), attempt=record.attempt + 1)
+
+
+def lost_job() -> ProblemError:
+    """The problem of a job that ran each time that a server died."""
+    return ProblemError(
+        "CRASH",
+        f"the service died {MAX_ATTEMPTS} times while it was working on this job",
+        stage="job",
+        hint="Send the request again: nothing of it was kept.",
+    )
+
+
+def overdue_job(seconds: float) -> ProblemError:
+    """The problem of a job that did not end within the time that a job may take [s]."""
+    return ProblemError(
+        "TIMED_OUT",
+        f"the job did not end within {seconds:g} s",
+        stage="job",
+        hint="Ask for less at once, or raise ARMWRIGHT_JOB_DEADLINE where the service is run.",
+    )
+
 
 #: Events kept for clients that come late or come back; each event holds the state as a whole.
 _KEPT_EVENTS = 256
@@ -127,7 +188,7 @@ class LiveJob:
 
     def wait_again(self) -> JobRecord:
         """The record of this job for the next start of the service: it waits again."""
-        return replace(self.record, status="queued", progress=0.0, stage=None, started=None)
+        return waiting_again(self.record)
 
     def since(self, number: int) -> Iterator[Event]:
         """The events after one of a number."""

@@ -8,7 +8,7 @@ from http import HTTPStatus
 from typing import Any
 
 from starlette.datastructures import Headers
-from starlette.types import ASGIApp, Message
+from starlette.types import ASGIApp, Message, Receive
 
 from service.access.caller import CALLER
 from service.http.state import JOB_CONTEXT, JobContext
@@ -45,15 +45,27 @@ async def replay(app: ASGIApp, request: StoredRequest, context: JobContext) -> R
         request: Request as it came.
         context: Context of the job that the request belongs to.
     """
+    return await send_again(app, _scope(request, context), request.body, _nobody_leaves)
+
+
+async def send_again(
+    app: ASGIApp, scope: MutableMapping[str, Any], body: bytes, then: Receive
+) -> Replayed:
+    """The answer of an application to a request whose body is known.
+
+    Args:
+        app: The application, or a part of it.
+        scope: Scope of the request.
+        body: The body.
+        then: Receives what comes after the body.
+    """
     answered = Replayed()
-    unread = [request.body]
+    unread = [body]
 
     async def receive() -> Message:
         if unread:
             return {"type": "http.request", "body": unread.pop(), "more_body": False}
-        # Nobody is there who could leave.
-        await asyncio.Event().wait()
-        raise AssertionError
+        return await then()
 
     async def send(message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -62,8 +74,13 @@ async def replay(app: ASGIApp, request: StoredRequest, context: JobContext) -> R
         elif message["type"] == "http.response.body":
             answered.body += message.get("body", b"")
 
-    await app(_scope(request, context), receive, send)
+    await app(scope, receive, send)
     return answered
+
+
+async def _nobody_leaves() -> Message:
+    await asyncio.Event().wait()
+    raise AssertionError
 
 
 def _scope(request: StoredRequest, context: JobContext) -> MutableMapping[str, Any]:

@@ -9,11 +9,9 @@ from starlette.concurrency import run_in_threadpool
 from starlette.types import ASGIApp
 
 from service.access.caller import ANYONE, Caller
-from service.jobs import records
 from service.jobs.batch import joined_answer
-from service.jobs.execution import JobExecution
-from service.jobs.live_job import LiveJob, follow_live, follow_stored
-from service.jobs.storage_retry import purge_periodically
+from service.jobs.execution import JobExecution, purge_periodically
+from service.jobs.live_job import LiveJob, follow_live, follow_stored, new_record
 from service.problem import ProblemError
 from service.settings import Settings
 from service.storage.database import StorageUnavailable
@@ -115,7 +113,7 @@ class Jobs(JobExecution):
             ProblemError: As `check_room`; STORAGE_UNAVAILABLE.
         """
         await self.check_room(len(request.body), caller)
-        live = LiveJob(records.new_record(request, caller), self._deadline(), len(request.body))
+        live = LiveJob(new_record(request, caller), self._deadline(), len(request.body))
         self._live[live.record.id] = live
         try:
             await run_in_threadpool(self._store.add, live.record, request, told)
@@ -149,7 +147,7 @@ class Jobs(JobExecution):
         """
         if self._stopping:
             raise ShuttingDown
-        live = LiveJob(records.new_record(request, caller), self._deadline(), 0)
+        live = LiveJob(new_record(request, caller), self._deadline(), 0)
         live.start()
         live.end("succeeded", answer, location)
         await run_in_threadpool(self._store.add, live.record, answer, told)

@@ -1,23 +1,31 @@
 """Tables of the database, for SQLite and PostgreSQL alike."""
 
+from typing import Any
+
 from sqlalchemy import (
     BigInteger,
     Boolean,
     Column,
+    ColumnElement,
     Double,
     Index,
     Integer,
     LargeBinary,
     MetaData,
     PrimaryKeyConstraint,
+    Select,
     Table,
     Text,
     false,
+    func,
+    select,
+    true,
 )
 
 #: Revisions of the schema, the oldest first: the names of the migrations.
 REVISIONS = ("0001", "0002", "0003", "0004", "0005", "0006", "0007", "0008")
 METADATA = MetaData()
+_EVERY = true()
 #: Whose robots, scenes and jobs those are that came without an API key.
 DEFAULT_TENANT = "default"
 #: Text that sorts by code points in every database, as Python sorts it.
@@ -161,3 +169,29 @@ audit = Table(
     Column("api_key", Text),
     *texts("action", "target"),
 )
+
+
+def superfluous(
+    table: Table, time: ColumnElement[Any], size: ColumnElement[Any], count: int, storage: int,
+    of: ColumnElement[bool] = _EVERY,
+) -> Select[tuple[Any]]:  # fmt: skip
+    """Ids of the oldest rows of tenants that have too many, or too large ones.
+
+    Args:
+        table: Table with the columns id and tenant.
+        time: Column that tells how old a row is.
+        size: Size of a row [byte].
+        count: Rows that each tenant may keep.
+        storage: Size that these may have together [byte].
+        of: Rows that count.
+    """
+    window: dict[str, Any] = {
+        "partition_by": table.c.tenant, "order_by": (time.desc(), table.c.id.desc())
+    }  # fmt: skip
+    rank = func.row_number().over(**window).label("rank")
+    total = func.sum(size).over(**window).label("total")
+    ranked = select(table.c.id, rank, total).where(of).subquery()
+    # The newest one stays, however large it is: somebody is about to ask for it.
+    return select(ranked.c.id).where(
+        (ranked.c.rank > count) | ((ranked.c.total > storage) & (ranked.c.rank > 1))
+    )

@@ -1,7 +1,7 @@
 """Results of tasks that are no plain answer; the server reads them, so imports are small."""
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from pydantic import ValidationError
 
@@ -103,8 +103,7 @@ class RobotModel:
     links: int
 
 
-@dataclass(frozen=True, slots=True)
-class BatchPart:
+class BatchPart(NamedTuple):
     """Neighbouring problems of a batch, as a batch of their own.
 
     Args:

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from fastapi import Request
-from starlette.types import Message
 
 from kinematics.errors import ArmwrightError
 from service.http.errors import document, from_domain, status_of
 from service.http.keeping import KEPT_PLAN
 from service.http.state import REPLAY, STORED_TOOL, USED_REFERENCES, Replay, prepared_folder
+from service.jobs.replay import send_again
 from service.problem import ProblemError
 from service.storage.caches.cache_key import Reference
 from service.storage.stores.plan_store import PlanContent, PlanRecord
@@ -97,7 +97,6 @@ async def replay_plan(
         ProblemError: Nothing was computed: a name is unknown, a change malformed, the service busy.
         fastapi.exceptions.RequestValidationError: A change does not follow the schema.
     """
-    sent = _Sent()
     scope = {name: value for name, value in request.scope.items() if name not in _OUTER}
     scope[REPLAY] = Replay(record.id, pinned)
     scope[USED_REFERENCES] = {}
@@ -106,18 +105,11 @@ async def replay_plan(
         (b"content-type", b"application/json"),
         (b"content-length", str(len(body)).encode()),
     ]
-    unread = [body]
-
-    async def receive() -> Message:
-        if unread:
-            return {"type": "http.request", "body": unread.pop(), "more_body": False}
-        return await request.receive()
-
     try:
         async with AsyncExitStack() as stack:
             # A request that its route got directly has not passed the framework's own layer.
             scope.setdefault("fastapi_middleware_astack", stack)
-            await request.app.router(scope, receive, sent)
+            sent = await send_again(request.app.router, scope, body, request.receive)
     except (ProblemError, ArmwrightError) as error:
         problem = from_domain(error) if isinstance(error, ArmwrightError) else error
         if status_of(problem) not in _ANSWERING or problem.code == "VALIDATION_ERROR":
@@ -125,14 +117,3 @@ async def replay_plan(
         content = json.dumps(document(problem, record.path), ensure_ascii=False).encode()
         return Replayed(content, succeeded=False, plan_id=scope.get(KEPT_PLAN))
     return Replayed(bytes(sent.body), succeeded=True, plan_id=scope.get(KEPT_PLAN))
-
-
-class _Sent:
-    """Collects the body of an answer."""
-
-    def __init__(self) -> None:
-        self.body = bytearray()
-
-    async def __call__(self, message: Message) -> None:
-        if message["type"] == "http.response.body":
-            self.body += message.get("body", b"")

@@ -40,7 +40,8 @@ from service.http.keeping import answer_digest, differences, named_robot, new_pl
 from service.http.state import REPLAY, Replay, retention, settings_of, store_of
 from service.problem import ProblemError
 from service.storage.caches.cache_key import Reference
-from service.storage.stores.plan_store import PlanContent, PlanRecord, document_hash
+from service.storage.caches.prepared_files import document_hash
+from service.storage.stores.plan_store import PlanContent, PlanRecord
 from service.task_references import stop as stop_task
 from service.task_references import swept as swept_task
 from service.task_references import view as view_task
@@ -115,7 +116,7 @@ async def import_plan(body: Bundle, request: Request) -> Response:
     content = PlanContent(whole.request.encode(), whole.answer.encode())
     given = {document_hash(c): c for c in contents if c is not None}
     plans, settings = store_of(request).plans, settings_of(request)
-    await run_in_threadpool(plans.import_plan, record, content, given)
+    await run_in_threadpool(plans.add, record, content, given)
     own = await _same_answer(request, record, content)
     if own is not None:
         await run_in_threadpool(plans.note_proof, record.id, record.tenant, own)

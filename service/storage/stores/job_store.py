@@ -12,7 +12,7 @@ from service.storage.database import Database
 from service.storage.messages import JOB_PRIORITY, add_messages
 from service.storage.stores.idempotency_store import KeptAnswer, keep_answer
 from service.storage.stores.server_store import is_abandoned
-from service.storage.tables import DEFAULT_TENANT, jobs
+from service.storage.tables import DEFAULT_TENANT, jobs, superfluous
 
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 STATUSES: tuple[Status, ...] = ("queued", "running", "succeeded", "failed", "cancelled")
@@ -292,25 +292,12 @@ class JobStore:
             count: How many of each tenant may stay.
             size: How large the answers of each may be together [byte].
         """
-        newest = (jobs.c.ended.desc(), jobs.c.id.desc())
-        ranked = (
-            select(
-                jobs.c.id,
-                func.row_number().over(partition_by=jobs.c.tenant, order_by=newest).label("rank"),
-                func.sum(func.coalesce(func.length(jobs.c.answer), _SIZE_OF_CHUNKS))
-                .over(partition_by=jobs.c.tenant, order_by=newest)
-                .label("total"),
-            )
-            .where(HAS_ENDED, ~_IS_CHUNK)
-            .subquery()
-        )
-        # The newest one stays, however large it is: somebody is about to ask for it.
-        superfluous = select(ranked.c.id).where(
-            (ranked.c.rank > count) | ((ranked.c.total > size) & (ranked.c.rank > 1))
-        )
+        bytes_of = func.coalesce(func.length(jobs.c.answer), _SIZE_OF_CHUNKS)
+        ended = HAS_ENDED & ~_IS_CHUNK
+        too_many = superfluous(jobs, jobs.c.ended, bytes_of, count, size, ended)
         with self._database.transaction() as connection:
             connection.execute(_OUTDATED, {"oldest": ended_before})
-            connection.execute(delete(jobs).where(jobs.c.id.in_(superfluous)))
+            connection.execute(delete(jobs).where(jobs.c.id.in_(too_many)))
             connection.execute(_DELETE_LEFT_CHUNKS)
 
 

@@ -1,9 +1,9 @@
 """Kept plans: requests with their answers or problems, and the robots and scenes in them."""
 
 import dataclasses
-import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from sqlalchemy import (
     Connection,
@@ -21,7 +21,7 @@ from sqlalchemy.exc import IntegrityError
 from service.problem import ProblemError, storage_problem
 from service.storage.caches.cache_key import Kind
 from service.storage.database import Database
-from service.storage.tables import DEFAULT_TENANT, documents, plan_documents, plans
+from service.storage.tables import DEFAULT_TENANT, documents, plan_documents, plans, superfluous
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,6 @@ class Retention:
 _RECORD = tuple(plans.c[field.name] for field in dataclasses.fields(PlanRecord))
 _SIZE = func.length(plans.c.request) + func.length(plans.c.answer)
 _DOCUMENT_SIZE = func.sum(func.length(plan_documents.c.content))
-_NEWEST = (plans.c.created.desc(), plans.c.id.desc())
 _REFERENCES = or_(
     plans.c.robot_hash == plan_documents.c.hash, plans.c.scene_hash == plan_documents.c.hash
 )
@@ -114,15 +113,23 @@ class PlanStore:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def add(self, record: PlanRecord, content: PlanContent) -> None:
-        """Keep a plan, with the documents of its robot and scene as they are stored now."""
-        self._add(record, content, {})
-
-    def import_plan(
-        self, record: PlanRecord, content: PlanContent, given: dict[str, bytes]
+    def add(
+        self,
+        record: PlanRecord,
+        content: PlanContent,
+        given: Mapping[str, bytes] = MappingProxyType({}),
     ) -> None:
-        """Keep a plan of another installation with its documents, by their hashes."""
-        self._add(record, content, given)
+        """Keep a plan, with the documents of its robot and scene as they are stored now.
+
+        Args:
+            record: The plan.
+            content: Content of the plan.
+            given: Documents of a plan of another installation, by their hashes.
+        """
+        try:
+            self._insert(record, content, given)
+        except IntegrityError:  # another server kept the same document between two statements
+            self._insert(record, content, given)
 
     def note_proof(self, plan_id: str, tenant: str, answer: bytes) -> None:
         """Note that a plan was proved here, with the answer that this service came to."""
@@ -193,21 +200,12 @@ class PlanStore:
             now: Seconds since the epoch.
             retention: Bounds of the plans that each tenant may keep.
         """
-        ranked = select(
-            plans.c.id,
-            func.row_number().over(partition_by=plans.c.tenant, order_by=_NEWEST).label("rank"),
-            func.sum(_SIZE).over(partition_by=plans.c.tenant, order_by=_NEWEST).label("total"),
-        ).subquery()
-        # The newest one stays, however large it is: somebody is about to ask for it.
-        superfluous = select(ranked.c.id).where(
-            (ranked.c.rank > retention.count)
-            | ((ranked.c.total > retention.storage) & (ranked.c.rank > 1))
-        )
+        too_many = superfluous(plans, plans.c.created, _SIZE, retention.count, retention.storage)
         with self._database.transaction(durable=False) as connection:
             gone = connection.execute(
                 delete(plans).where(plans.c.created < now - retention.lifetime)
             ).rowcount
-            gone += connection.execute(delete(plans).where(plans.c.id.in_(superfluous))).rowcount
+            gone += connection.execute(delete(plans).where(plans.c.id.in_(too_many))).rowcount
             if gone:
                 connection.execute(_ORPHANS)
             for tenant in _tenants_above(connection, retention.storage):
@@ -215,13 +213,7 @@ class PlanStore:
                     if not _forget_oldest_with_document(connection, tenant):
                         break
 
-    def _add(self, record: PlanRecord, content: PlanContent, given: dict[str, bytes]) -> None:
-        try:
-            self._insert(record, content, given)
-        except IntegrityError:  # another server kept the same document between two statements
-            self._insert(record, content, given)
-
-    def _insert(self, record: PlanRecord, content: PlanContent, given: dict[str, bytes]) -> None:
+    def _insert(self, record: PlanRecord, content: PlanContent, given: Mapping[str, bytes]) -> None:
         values = dataclasses.asdict(record)
         values |= {"request": content.request, "answer": content.answer}
         with self._database.transaction(durable=record.job is not None) as connection:
@@ -287,11 +279,6 @@ def _forget_oldest_with_document(connection: Connection, tenant: str) -> bool:
     connection.execute(delete(plans).where(plans.c.id == referring[0]))
     connection.execute(_ORPHANS)
     return True
-
-
-def document_hash(content: bytes) -> str:
-    """SHA-256 of a document, by which it is kept."""
-    return hashlib.sha256(content).hexdigest()
 
 
 def no_plan(plan_id: str) -> ProblemError:

@@ -19,19 +19,8 @@ AGENTS = "agents"
 _PART = "-"
 
 
-@dataclass(frozen=True, slots=True)
-class Chunk:
-    """Neighbouring problems of a batch, as a batch of their own.
-
-    Args:
-        first: Index of the first one in the whole batch.
-        size: How many they are.
-        body: Request of the problems, JSON.
-    """
-
-    first: int
-    size: int
-    body: bytes
+#: Neighbouring problems of a batch: index of the first one, how many they are, and their request.
+Chunk = tuple[int, int, bytes]
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +140,7 @@ class QueueStore:
         Returns:
             False if another agent has the batch by now, or it has ended: nothing was kept.
         """
-        size = sum(chunk.size for chunk in chunks)
+        size = sum(count for _, count, _ in chunks)
         values = {"new_stage": _stage(0, size), "new_size": size, "now": time.time()}
         rows = [_row(record, number, chunk) for number, chunk in enumerate(chunks)]
         with self._database.transaction() as connection:
@@ -228,9 +217,10 @@ def _stage(done: int, size: int) -> str:
 
 def _row(batch: JobRecord, number: int, chunk: Chunk) -> dict[str, object]:
     """The row of a chunk, which is a job that waits."""
+    first, size, body = chunk
     record = dataclasses.replace(
         batch, id=f"{batch.id}{_PART}{number}", status="queued", progress=0.0, stage=None, event=1,
-        started=None, attempt=1, parent=batch.id, first=chunk.first, size=chunk.size,
+        started=None, attempt=1, parent=batch.id, first=first, size=size,
     )  # fmt: skip
-    content = {"content_type": "application/json", "request": chunk.body, "server": None}
+    content = {"content_type": "application/json", "request": body, "server": None}
     return dataclasses.asdict(record) | content

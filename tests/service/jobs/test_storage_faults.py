@@ -18,7 +18,7 @@ from tests.service.jobs.stored import REQUEST
 @pytest.fixture(autouse=True)
 def _short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.storage.database._LOCK_TIMEOUT", 0.05)
-    monkeypatch.setattr("service.jobs.storage_retry.STORAGE_RETRY", 0.02)
+    monkeypatch.setattr("service.jobs.execution.STORAGE_RETRY", 0.02)
     monkeypatch.setattr("service.jobs.runner._CANCEL_TIMEOUT", 0.3)
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 
 from service.problem import ProblemError
+from service.storage.caches.prepared_files import document_hash
 from service.storage.store import Store
 from service.storage.stores.plan_store import (
     PlanContent,
     PlanRecord,
     PlanStore,
     Retention,
-    document_hash,
 )
 
 CONTENT = PlanContent(b'{"robot": "arm"}', b'{"status": "success"}')
@@ -108,7 +108,7 @@ def test_the_bounds_are_of_each_tenant(store: Store) -> None:
         document = bytes([number]) * 100
         digest = document_hash(document)
         kept = record(number, tenant=tenant, robot_hash=digest)
-        store.plans.import_plan(kept, CONTENT, {digest: document})
+        store.plans.add(kept, CONTENT, {digest: document})
     store.plans.purge(9.0, replace(PLENTY, count=4))
     assert (ids(store.plans, "quiet"), ids(store.plans, "busy")) == ([1], [8, 7, 6, 5])
     store.plans.purge(9.0, replace(PLENTY, storage=250))
@@ -121,7 +121,7 @@ def test_documents_are_bounded_together(store: Store) -> None:
     for number in range(1, 5):
         document = bytes([number]) * 100
         digest = document_hash(document)
-        store.plans.import_plan(record(number, robot_hash=digest), CONTENT, {digest: document})
+        store.plans.add(record(number, robot_hash=digest), CONTENT, {digest: document})
     store.plans.purge(9.0, replace(PLENTY, storage=250))
     assert ids(store.plans) == [4, 3]
     assert store.plans.document(document_hash(b"\x02" * 100), "default") is None
