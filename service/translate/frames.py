@@ -1,6 +1,6 @@
 """Requests whose poses are in other frames, put into the robot's root frame."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -20,8 +20,10 @@ from service.translate import poses
 
 #: Marks a request that names a frame somewhere: others are left alone, to the last bit.
 _MARK = b'"frame"'
-_POINTS = ("point", "via", "center")
+#: Fields that are moved with a frame: a point, or a direction, which turns only.
+_POINTS = ("point", "via", "center", "target")
 _DIRECTIONS = ("normal", "direction")
+_MOVED = (*_POINTS, *_DIRECTIONS, "pose")
 
 _Body = TypeVar("_Body", bound=BaseModel)
 
@@ -155,17 +157,30 @@ def _motion(item: Any, frames: Frames, where: str) -> Any:
         named = framed.frame or named
         values["pose"] = frames.pose(framed, named, where).model_dump(exclude_none=True)
     T = frames.transform(named, f"{where}.frame")
-    return values if T is None else _moved_fields(values, T)
+    if T is None:
+        return values
+    given = {name: values[name] for name in _MOVED[:-1] if values.get(name) is not None}
+    return values | {name: _moved_value(T, name, value) for name, value in given.items()}
 
 
-def _moved_fields(values: dict[str, Any], T: Array) -> dict[str, Any]:
-    """Fields with points moved and directions turned by a transform."""
-    moved = dict(values)
-    for names, move in ((_POINTS, _moved_point), (_DIRECTIONS, _turned)):
-        for name in names:
-            if moved.get(name) is not None:
-                moved[name] = move(T, moved[name])
-    return moved
+def _moved(part: _Body, T: Array, *names: str) -> _Body:
+    """A part of a request with its poses and points moved and its directions turned by a transform.
+
+    Args:
+        part: The part.
+        T: The transform, shape (4, 4).
+        names: Fields that are moved; all that can be if left out.
+    """
+    given = {name: getattr(part, name, None) for name in names or _MOVED}
+    changes = {name: _moved_value(T, name, x) for name, x in given.items() if x is not None}
+    return part.model_copy(update=changes)
+
+
+def _moved_value(T: Array, name: str, value: Any) -> Any:
+    if isinstance(value, Pose):
+        return _moved_pose(T, value)
+    turned = T[:3, :3] @ np.asarray(value, dtype=np.float64)
+    return (turned if name in _DIRECTIONS else turned + T[:3, 3]).tolist()
 
 
 def ik_in_root_frame(body: IkRequest, frames: Frames) -> IkRequest:
@@ -206,32 +221,23 @@ def _tool_motion(motion: TimedToolMotion, frames: Frames, where: str) -> TimedTo
     if motion.start is not None:
         T = frames.transform(poses.frame_of(motion.start), f"{where}.start.frame")
         if T is not None:
-            motion = motion.model_copy(update={"start": _moved_pose(T, motion.start)})
+            motion = _moved(motion, T, "start")
     T = frames.transform(poses.frame_of(motion.pose), f"{where}.pose.frame")
     if motion.rounds is not None:
         corner = _rounded_corner(motion.rounds, T, frames, f"{where}.rounds")
         motion = motion.model_copy(update={"rounds": corner})
-    if T is None:
-        return motion
-    values = {name: getattr(motion, name) for name in ("via", "center", "normal")}
-    return motion.model_copy(
-        update={"pose": _moved_pose(T, motion.pose), **_moved_fields(values, T)}
-    )
+    return motion if T is None else _moved(motion, T)
 
 
 def _rounded_corner(
     corner: RoundedCorner, T: Array | None, frames: Frames, where: str
 ) -> RoundedCorner:
     """A corner with its arcs moved by a transform, and its pose from its own frame."""
-    changes: dict[str, Any] = {}
     T_pose = frames.transform(poses.frame_of(corner.pose), f"{where}.pose.frame")
     if T_pose is not None:
-        changes["pose"] = _moved_pose(T_pose, corner.pose)
-    for name in ("before", "after"):
-        arc = getattr(corner, name)
-        if T is not None and arc is not None:
-            values = {field: getattr(arc, field) for field in ("center", "normal")}
-            changes[name] = arc.model_copy(update=_moved_fields(values, T))
+        corner = _moved(corner, T_pose, "pose")
+    arcs = {name: getattr(corner, name) for name in ("before", "after")}
+    changes = {name: arc and _moved(arc, T) for name, arc in arcs.items() if T is not None}
     return corner.model_copy(update=changes)
 
 
@@ -265,64 +271,26 @@ def _constraint(body: Any, frames: Frames, where: str) -> Any:
             )
         return body
     T = frames.transform(body.frame, f"{where}.frame")
-    return body if T is None else _MOVES[type(body)](body, T)
-
-
-def _position(body: constraints.PositionConstraint, T: Array) -> constraints.PositionConstraint:
-    region = body.region
-    changes: dict[str, Any] = {}
-    for name in ("center", "point"):
-        if hasattr(region, name):
-            changes[name] = _moved_point(T, getattr(region, name))
-    for name in ("normal", "direction"):
-        if hasattr(region, name):
-            changes[name] = _turned(T, getattr(region, name))
-    if isinstance(region, constraints.BoxRegion):
-        changes["pose"] = _moved_pose(T, region.pose)
-    return body.model_copy(update={"region": region.model_copy(update=changes)})
-
-
-def _orientation(
-    body: constraints.OrientationConstraint, T: Array
-) -> constraints.OrientationConstraint:
-    if body.direction is not None:
-        return body.model_copy(update={"direction": _turned(T, body.direction)})
-    pose = Pose(position=[0.0, 0.0, 0.0], quaternion_xyzw=body.quaternion_xyzw)
-    turned = _moved_pose(T, pose).quaternion_xyzw
-    return body.model_copy(update={"quaternion_xyzw": turned})
-
-
-def _look_at(body: constraints.LookAtConstraint, T: Array) -> constraints.LookAtConstraint:
-    return body.model_copy(update={"target": _moved_point(T, body.target)})
-
-
-def _relative_pose(
-    body: constraints.RelativePoseConstraint, T: Array
-) -> constraints.RelativePoseConstraint:
-    return body.model_copy(update={"pose": _moved_pose(T, body.pose)})
-
-
-_MOVES: Mapping[type, Callable[[Any, Array], Any]] = {
-    constraints.PositionConstraint: _position,
-    constraints.OrientationConstraint: _orientation,
-    constraints.LookAtConstraint: _look_at,
-    constraints.RelativePoseConstraint: _relative_pose,
-}
+    if T is None:
+        return body
+    match body:
+        case constraints.PositionConstraint():
+            return body.model_copy(update={"region": _moved(body.region, T)})
+        case constraints.OrientationConstraint(direction=None):
+            pose = Pose(position=[0.0, 0.0, 0.0], quaternion_xyzw=body.quaternion_xyzw)
+            turned = _moved_pose(T, pose).quaternion_xyzw
+            return body.model_copy(update={"quaternion_xyzw": turned})
+        case constraints.OrientationConstraint():
+            return _moved(body, T, "direction")
+        case constraints.LookAtConstraint():
+            return _moved(body, T, "target")
+        case _:
+            return _moved(body, T, "pose")
 
 
 def _moved_pose(T: Array, pose: Pose) -> Pose:
     answer = poses.pose_answer(T @ poses.transform(pose))
     return Pose(position=answer.position, quaternion_xyzw=answer.quaternion_xyzw)
-
-
-def _moved_point(T: Array, point: Sequence[float]) -> list[float]:
-    moved: list[float] = (T[:3, :3] @ np.asarray(point, dtype=np.float64) + T[:3, 3]).tolist()
-    return moved
-
-
-def _turned(T: Array, direction: Sequence[float]) -> list[float]:
-    turned: list[float] = (T[:3, :3] @ np.asarray(direction, dtype=np.float64)).tolist()
-    return turned
 
 
 def first_configuration(chain: Chain, joints: Any) -> Array | None:

@@ -154,19 +154,29 @@ def joint_path(body: retime_schema.PathBody, chain: Chain | None) -> tuple[tuple
     """
     rows = equal_rows(body.joints, "path.joints", None if chain is None else chain.n)
     n = len(rows[0])
-    names = body.joint_names
+    names = _joint_names(body.joint_names, n, chain, "path.")
+    return names, np.array(rows, dtype=np.float64)
+
+
+def _joint_names(
+    given: Sequence[str] | None, n: int, chain: Chain | None, where: str
+) -> tuple[str, ...]:
+    """Names of n joints: those of the robot, those given, or numbers.
+
+    Raises:
+        InvalidTrajectory: Names that do not fit.
+    """
     if chain is not None:
-        if names is not None and tuple(names) != chain.joint_names:
+        if given is not None and tuple(given) != chain.joint_names:
             raise InvalidTrajectory(
-                "path.joint_names are not those of the robot in its order",
+                f"{where}joint_names are not those of the robot in its order",
                 hint=f"They are: {', '.join(chain.joint_names)}.",
             )
-        names = list(chain.joint_names)
-    if names is None:
-        names = [f"joint{i + 1}" for i in range(n)]
+        return chain.joint_names
+    names = tuple(f"joint{i + 1}" for i in range(n)) if given is None else tuple(given)
     if len(names) != n or len(set(names)) != n:
-        raise InvalidTrajectory(f"path.joint_names must be {n} different names")
-    return tuple(names), np.array(rows, dtype=np.float64)
+        raise InvalidTrajectory(f"{where}joint_names must be {n} different names")
+    return names
 
 
 def state_joint_names(body: retime_schema.RetimeRequest, chain: Chain | None) -> tuple[str, ...]:
@@ -176,18 +186,7 @@ def state_joint_names(body: retime_schema.RetimeRequest, chain: Chain | None) ->
         InvalidTrajectory: Names that do not fit the states or the robot.
     """
     assert body.start is not None
-    given, n = body.joint_names, len(body.start.position)
-    if chain is not None:
-        if given is not None and tuple(given) != chain.joint_names:
-            raise InvalidTrajectory(
-                "joint_names are not those of the robot in its order",
-                hint=f"They are: {', '.join(chain.joint_names)}.",
-            )
-        return chain.joint_names
-    names = tuple(given or (f"joint{i + 1}" for i in range(n)))
-    if len(names) != n or len(set(names)) != n:
-        raise InvalidTrajectory(f"joint_names must be {n} different names")
-    return names
+    return _joint_names(body.joint_names, len(body.start.position), chain, "")
 
 
 def joint_state(body: retime_schema.JointStateBody | None, label: str) -> JointState:
