@@ -1,9 +1,10 @@
 """Equations of a robot as formulas, in workers."""
 
 from dataclasses import asdict
-from typing import Literal
+from typing import Any, Literal
 
-from armwright_wire.robots import dynamics as schema
+from pydantic_core import to_json
+
 from armwright_wire.robots.robot import RobotBody
 from dynamics.equations.parameters import textbook_table
 from dynamics.equations.sheet import Motion, Sheet, write_page, write_sheet
@@ -17,67 +18,39 @@ from service.translate.robots.robots import dh_table
 from service.workers.task import task
 
 
-def equations_answer(chain: Chain, sheet: Sheet) -> schema.EquationsAnswer:
-    """The formulas of a robot as they are answered.
-
-    Args:
-        chain: The robot.
-        sheet: Formulas of the robot.
-    """
+def _answer(chain: Chain, sheet: Sheet) -> dict[str, Any]:
+    """The formulas of a robot as they are answered."""
     kinds = [row.type for row in sheet.table.rows]
     joints = zip(chain.joint_names, sheet.joints, kinds, strict=True)
-    return schema.EquationsAnswer(
-        format="latex" if sheet.notation is Notation.LATEX else "text",
-        convention=sheet.table.convention,
-        joints=[
-            schema.JointSymbol(joint=name, symbol=symbol, type=kind)
-            for name, symbol, kind in joints
+    return {
+        "format": "latex" if sheet.notation is Notation.LATEX else "text",
+        "convention": sheet.table.convention,
+        "joints": [
+            {"joint": name, "symbol": symbol, "type": kind} for name, symbol, kind in joints
         ],
-        parameters=[schema.ParameterSymbol(**asdict(item)) for item in sheet.parameters],
-        abbreviations=[
-            schema.Abbreviation(symbol=symbol, formula=formula)
-            for symbol, formula in sheet.abbreviations
+        "parameters": [asdict(item) for item in sheet.parameters],
+        "abbreviations": [
+            {"symbol": symbol, "formula": formula} for symbol, formula in sheet.abbreviations
         ],
-        transformations=[_rows(step) for step in sheet.transformations],
-        pose=schema.PoseFormulas(
-            link=chain.tip_link,
-            position=[row[3] for row in sheet.frame],
-            rotation_matrix=[list(row[:3]) for row in sheet.frame],
-        ),
-        jacobian=_rows(sheet.jacobian),
-        determinant=sheet.determinant,
-        dynamics=None if sheet.motion is None else _motion(sheet.motion),
-        notes=list(sheet.notes),
-        document=write_page(sheet),
-    )
+        "transformations": sheet.transformations,
+        "pose": {
+            "link": chain.tip_link,
+            "position": [row[3] for row in sheet.frame],
+            "rotation_matrix": [row[:3] for row in sheet.frame],
+        },
+        "jacobian": sheet.jacobian,
+        "determinant": sheet.determinant,
+        "dynamics": None if sheet.motion is None else _motion(sheet.motion),
+        "notes": sheet.notes,
+        "document": write_page(sheet),
+    }
 
 
-def _rows(matrix: tuple[tuple[str, ...], ...]) -> list[list[str]]:
-    return [list(row) for row in matrix]
-
-
-def _motion(motion: Motion) -> schema.MotionFormulas:
-    symbols, regressor = motion.christoffel_symbols, motion.regressor
-    return schema.MotionFormulas(
-        equation=motion.equation,
-        mass_matrix=_rows(motion.mass_matrix),
-        christoffel_symbols=None
-        if symbols is None
-        else [
-            schema.ChristoffelFormula(i=i, j=j, k=k, formula=formula)
-            for i, j, k, formula in symbols
-        ],
-        coriolis_matrix=_rows(motion.coriolis_matrix),
-        potential_energy=motion.potential_energy,
-        gravity=list(motion.gravity),
-        regressor=None
-        if regressor is None
-        else schema.RegressorFormulas(
-            regressor=_rows(regressor.regressor),
-            parameters=list(regressor.parameters),
-            values=list(regressor.values),
-        ),
-    )
+def _motion(motion: Motion) -> dict[str, Any]:
+    names = ("i", "j", "k", "formula")
+    symbols = motion.christoffel_symbols
+    rows = symbols and [dict(zip(names, row, strict=True)) for row in symbols]
+    return asdict(motion) | {"christoffel_symbols": rows}
 
 
 #: Answers that a worker keeps; those of arms with six joints have a few hundred kilobytes.
@@ -112,7 +85,7 @@ def _equations(
     chain: Chain, document: bytes | None, notation: Notation, axes: tuple[str, ...]
 ) -> bytes:
     sheet = write_sheet(_table(chain, document), notation, axes)
-    return equations_answer(chain, sheet).model_dump_json().encode()
+    return to_json(_answer(chain, sheet))
 
 
 def _table(chain: Chain, document: bytes | None) -> DhTable:

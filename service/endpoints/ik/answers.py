@@ -11,6 +11,7 @@ from kinematics.ik.numeric.numeric import AXES
 from kinematics.ik.ranking import outside
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.model.chain import Chain
+from service.fields import picked
 from service.workers.result import TaskProblem
 
 #: Rejected configurations that a refusal carries.
@@ -24,9 +25,7 @@ def solution_answer(chain: Chain, solution: IkSolution) -> dict[str, Any]:
     why = outside(chain, solution.joints)
     return {
         "joints": solution.joints.tolist(),
-        "branch": solution.branch,
-        "position_error": solution.position_error,
-        "orientation_error": solution.orientation_error,
+        **picked(solution, "branch", "position_error", "orientation_error"),
         "within_limits": why is None,
         "collision_free": None,
         "rejected_because": why,
@@ -41,7 +40,7 @@ def add_sides(chain: Chain, link: str | None, answers: list[dict[str, Any]]) -> 
     if sides is None:
         return
     for item, side in zip(answers, sides, strict=True):
-        item["sides"] = {"shoulder": side.shoulder, "elbow": side.elbow, "wrist": side.wrist}
+        item["sides"] = picked(side, "shoulder", "elbow", "wrist")
         item["singular"] = list(side.singular)
 
 
@@ -92,8 +91,7 @@ def convergence_problem(link: str, trace: Trace, body: IkRequest) -> TaskProblem
         "Start elsewhere (seed_joints), allow more steps, or take the method auto.",
         {
             "stage": "ik",
-            "position_error": last.position_error,
-            "orientation_error": last.orientation_error,
+            **picked(last, "position_error", "orientation_error"),
             "nearest_joints": last.joints.tolist(),
             "stationary": trace.stationary,
             "trace": trace_answer(trace, body),
@@ -113,8 +111,7 @@ def unreachable(chain: Chain, link: str, result: IkResult) -> TaskProblem:
         result.advice,
         {
             "stage": "ik",
-            "position_error": nearest.position_error,
-            "orientation_error": nearest.orientation_error,
+            **picked(nearest, "position_error", "orientation_error"),
             "nearest_joints": nearest.joints.tolist(),
             "joint_names": list(chain.joint_names),
             "starts": result.starts,

@@ -10,7 +10,6 @@ from kinematics.errors import InvalidOption
 from service.workers.task import task
 from tracking.controllers.quadratic_form import (
     Poles,
-    QuadraticLyapunov,
     SymmetricForm,
     Verdict,
     form_text,
@@ -26,6 +25,9 @@ _VERDICTS = {
     Verdict.NO_POSITIVE_V: "nothing",
     Verdict.NO_FALL: "nothing",
 }
+
+
+_ASYMMETRIC = "P is not symmetric: its symmetric part (P + Pᵀ)/2, which has the same V, was taken"
 
 
 @task
@@ -46,7 +48,10 @@ def lyapunov(content: bytes) -> bytes:
     else:
         assert body.Q is not None
         examined = solve_lyapunov(body.A, body.Q)
-    answer = _answer(examined)
+    texts = form_text(examined.P.matrix), form_text(-examined.Q.matrix)
+    answer = _answer(examined, _VERDICTS[examined.verdict], examined.verdict.value, texts)
+    if not examined.is_symmetric:
+        answer["notes"] = [_ASYMMETRIC]
     if body.x is not None:
         _check_states(body.x, len(body.A), f"A has {len(body.A)} rows")
         V, V_dot = examined.values(body.x)
@@ -70,20 +75,10 @@ def _nonlinear(body: LyapunovRequest) -> dict[str, Any]:
     n = len(texts)
     f = [read_formula(f"f[{i}]", text, n) for i, text in enumerate(texts)]
     examined = nonlinear_lyapunov(f, read_formula("V", V, n))
-    answer = {
-        "f": [write(one) for one in f],
-        "P": _form(examined.P),
-        "Q": _form(examined.Q),
-        "V": write(examined.V),
-        "V_dot": write(examined.V_dot),
-        "verdict": examined.verdict,
-        "reason": examined.reason,
-        "lasalle": None,
-        "poles": _poles(examined.poles),
-        "values": None,
-        "rates": None,
-        "notes": [],
-    }
+    answer = _answer(
+        examined, examined.verdict, examined.reason, (write(examined.V), write(examined.V_dot))
+    )
+    answer["f"] = [write(one) for one in f]
     if examined.zeros is not None:
         answer["lasalle"] = {
             "set": [write(one) for one in examined.zeros],
@@ -125,25 +120,21 @@ def _check_rows(name: str, rows: list[list[float]] | None) -> None:
         )
 
 
-def _answer(examined: QuadraticLyapunov) -> dict[str, Any]:
-    notes = []
-    if not examined.is_symmetric:
-        notes.append(
-            "P is not symmetric: its symmetric part (P + Pᵀ)/2, which has the same V, was taken"
-        )
+def _answer(examined: Any, verdict: str, reason: str, formulas: tuple[str, str]) -> dict[str, Any]:
+    """Fields of an answer, V and dV/dt as formulas."""
     return {
         "f": None,
         "P": _form(examined.P),
         "Q": _form(examined.Q),
-        "V": form_text(examined.P.matrix),
-        "V_dot": form_text(-examined.Q.matrix),
-        "verdict": _VERDICTS[examined.verdict],
-        "reason": examined.verdict.value,
+        "V": formulas[0],
+        "V_dot": formulas[1],
+        "verdict": verdict,
+        "reason": reason,
         "lasalle": None,
         "poles": _poles(examined.poles),
         "values": None,
         "rates": None,
-        "notes": notes,
+        "notes": [],
     }
 
 

@@ -20,6 +20,7 @@ from planning.tours import problem as domain
 from planning.tours.result import Leg, Tour
 from planning.values.preferences import PreferredClearance
 from service.endpoints.tasks.translation import reach_tolerance
+from service.fields import picked
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
 from service.translate.contacts import allowed_answer
@@ -114,11 +115,9 @@ def tour_answer(
         "visits": [
             {
                 "id": names[visit.index],
-                "index": visit.index,
-                "alternative": visit.alternative,
+                **picked(visit, "index", "alternative"),
                 "joints": visit.joints.tolist(),
-                "arrival": visit.arrival,
-                "departure": visit.departure,
+                **picked(visit, "arrival", "departure"),
                 "configuration": None
                 if visit.configuration is None
                 else asdict(visit.configuration),
@@ -130,26 +129,10 @@ def tour_answer(
             for origin, target, time, leg in zip(origins, targets, begins, tour.legs, strict=True)
         ],
         "unvisited": [
-            {
-                "id": one.id,
-                "index": one.index,
-                "code": one.code,
-                "message": one.message,
-                "details": problems.plain(one.details),
-            }
+            picked(one, "id", "index", "code", "message") | {"details": problems.plain(one.details)}
             for one in tour.unvisited
         ],
-        "search": {
-            "configurations": tour.search.configurations,
-            "checked": tour.search.checked,
-            "blocked": tour.search.blocked,
-            "planned": tour.search.planned,
-            "rounds": tour.search.rounds,
-            "improvements": [
-                {"round": step.round, "time": step.time} for step in tour.search.improvements
-            ],
-            "stopped": tour.search.stopped,
-        },
+        "search": asdict(tour.search),
         "joint_names": list(problem.robot.chain.joint_names),
         "allowed_collisions": allowed_answer(
             deepest(*(leg.certificate.allowed_collisions for leg in tour.legs))
@@ -185,7 +168,7 @@ def _alternatives(
     """The configurations and poses of a goal, in the root frame."""
     if goal.any_of is None:
         names = ("joints", "state", "pose", "frame", "position_tolerance", "orientation_tolerance")
-        single = SingleGoal(**{name: getattr(goal, name) for name in names})
+        single = SingleGoal(**picked(goal, *names))
         return [_alternative(single, robot, frames, where)]
     return [
         _alternative(item, robot, frames, f"{where}.any_of[{k}]")
