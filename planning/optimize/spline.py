@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption
@@ -67,26 +68,13 @@ class SplineSpace:
     def powers(self) -> Array:
         """Coefficients of (u - b_k)^j in the i-th of the basis functions that live on piece k.
 
-        Shape (m, p + 1, p + 1), indices k, i, j; by the recursion of the basis functions, carried
-        out on polynomials.
+        Shape (m, p + 1, p + 1), indices k, i, j.
         """
-        p, t = self.degree, self.knots
-        tables = np.zeros((self.pieces, p + 1, p + 1))
-        for k in range(self.pieces):
-            at, rows = k + p, np.zeros((p + 1, p + 1))
-            rows[p, 0] = 1.0
-            for d in range(1, p + 1):
-                above, rows = rows, np.zeros((p + 1, p + 1))
-                for i in range(p - d, p + 1):
-                    # Function number at - p + i: rising part of it, falling part of the next.
-                    first = at - p + i
-                    if i > p - d:
-                        _add_product(rows[i], above[i], t[at] - t[first], t[first + d] - t[first])
-                    if i < p:
-                        last = t[first + d + 1]
-                        _add_product(rows[i], above[i + 1], t[at] - last, t[first + 1] - last)
-            tables[k] = rows
-        return tables
+        p = self.degree
+        units = np.eye(self.count)
+        every = [scipy.interpolate.PPoly.from_spline((self.knots, unit, p)).c for unit in units]
+        c = np.stack(every)[:, ::-1]
+        return np.ascontiguousarray([c[k : k + p + 1, :, p + k] for k in range(self.pieces)])
 
     def basis(self, places: Array, derivative: int = 0) -> tuple[Indices, Array]:
         """The basis functions at places u (K,) in [0, 1].
@@ -148,9 +136,3 @@ class SplineSpace:
         coefficients /= duration ** np.arange(p + 1.0)
         breaks = np.asarray(self.breaks) * duration
         return Trajectory(tuple(joint_names), breaks, coefficients)
-
-
-def _add_product(row: Array, polynomial: Array, constant: float, span: float) -> None:
-    """Add polynomial * (constant + x) / span to a row of coefficients."""
-    row += polynomial * (constant / span)
-    row[1:] += polynomial[:-1] / span

@@ -17,10 +17,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
+from planning.timing.failure import TimingFailed
 
 #: A speed is found when a step changes it by less than this part.
 CONVERGED = 1e-15
@@ -270,3 +271,34 @@ def polyline_phases_kernel(
         for phase in range(before, used):
             owners[phase] = i
     return used
+
+
+def line_phases(
+    length: float, limits: ArrayLike, start_speed: float = 0.0, end_speed: float = 0.0
+) -> Array:
+    """The fastest motion along a line of some length, at most seven phases of constant jerk.
+
+    Args:
+        length: Length of the line, positive.
+        limits: Limits of speed (inf for none), acceleration and jerk along it, shape (3,).
+        start_speed: Start speed along the line, not negative.
+        end_speed: End speed along the line; the acceleration is 0 at both ends.
+
+    Returns:
+        (place, speed, acceleration / 2, jerk / 6, duration) of each phase, shape (m, 5).
+
+    Raises:
+        TimingFailed: There is no such motion, say since the line is too short to slow down on.
+    """
+    along = np.array(limits, dtype=np.float64)
+    low, high = sorted((start_speed, end_speed))
+    ramp = 0.5 * (low + high) * ramp_time(high - low, along[1], along[2])
+    # Speeds and lengths may exceed what there is room for by rounding.
+    if high > along[0] * (1.0 + 1e-12) or ramp > length * (1.0 + 1e-12):
+        raise TimingFailed(
+            f"a line of {length:.6g} leaves no room to get from a speed of {start_speed:.6g} to "
+            f"{end_speed:.6g} within its limits",
+            hint="Give lower boundary velocities, or higher limits.",
+        )
+    phases = np.empty((MAX_PHASES, 5))
+    return phases[: leg_phases_kernel(start_speed, end_speed, length, along, phases)]

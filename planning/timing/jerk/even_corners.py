@@ -28,7 +28,7 @@ from planning.timing.jerk.double_s import (
 from planning.timing.path.blend import (
     kept_waypoints_kernel,
     largest_reaches_kernel,
-    smooth_blend_kernel,
+    rounded_kernel,
 )
 from planning.timing.path.path import JointPath, compose_kernel
 from planning.timing.time_scaling import ScaledTime, dilate
@@ -255,7 +255,7 @@ def rounded_pieces_kernel(waypoints: Array, reaches: Array, limits: Array) -> Pi
         reaches: Reaches of the corners, within their largest ones, shape (k - 2,).
         limits: Limits of velocity, acceleration and jerk, shape (3, n).
     """
-    path, spans = smooth_blend_kernel(waypoints, reaches)
+    path, spans = rounded_kernel(waypoints, reaches, True)
     return pieces_kernel(path, spans, limits)
 
 

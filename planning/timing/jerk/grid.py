@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
-from planning.timing.path.path import JointPath
+from planning.timing.path.path import JointPath, piece_values
 
 
 class JerkLimits(NamedTuple):
@@ -304,7 +304,10 @@ def grid(
     pieces = np.searchsorted(breaks, 0.5 * (places[1:] + places[:-1]), side="right") - 1
     phi = pace.derivatives(places)
     ends = np.stack([places[:-1], places[1:]], axis=1) - breaks[pieces][:, None]
-    q1, q2, q3 = derivatives(c[pieces], ends)
+    q1, q2, q3 = (
+        np.stack([piece_values(c[pieces], at, order) for at in ends.T], axis=1)
+        for order in (1, 2, 3)
+    )
     p1, p2, p3 = np.stack([phi[:, :-1], phi[:, 1:]], axis=2)[..., None]
     Q = (q1 * p1, q2 * p1**2 + q1 * p2, q3 * p1**3 + 3.0 * q2 * p1 * p2 + q1 * p3)
     flat = straight[pieces]
@@ -354,21 +357,6 @@ def _lead(rows: Array, flat: NDArray[np.bool_], shares: Array) -> None:
     cells = np.flatnonzero(flat)
     tightest = np.argmax(shares[cells], axis=1)
     rows[cells, :, 0] = rows[cells, :, tightest]
-
-
-def derivatives(c: Array, u: Array) -> tuple[Array, Array, Array]:
-    """q', q'' and q''' of pieces c (N, n, k) at places u (N, 2), each (N, 2, n)."""
-    answers = []
-    for _ in range(3):
-        if c.shape[2] == 1:
-            answers.append(np.zeros((*u.shape, c.shape[1])))
-            continue
-        c = c[:, :, 1:] * np.arange(1.0, c.shape[2])
-        value = np.zeros((*u.shape, c.shape[1]))
-        for k in range(c.shape[2] - 1, -1, -1):
-            value = value * u[..., None] + c[:, None, :, k]
-        answers.append(value)
-    return answers[0], answers[1], answers[2]
 
 
 def _pace(

@@ -18,6 +18,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.failure import TimingFailed
+from planning.timing.jerk.double_s import line_phases
 from planning.timing.jerk.grid import (
     Extra,
     Grid,
@@ -30,7 +31,6 @@ from planning.timing.jerk.grid import (
     time_kernel,
 )
 from planning.timing.jerk.interior_point import least_time_kernel
-from planning.timing.jerk.state_to_state import line_phases
 from planning.timing.path.path import SAME_DIRECTION, JointPath, composed_pieces
 from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, fitting_factor
 

@@ -20,14 +20,12 @@ Waypoints that stay of a polyline, and the largest reaches of its corners, in ke
 """
 
 import math
-from collections.abc import Callable, Sequence
-from functools import cache
-from typing import TypeGuard
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from obstacles.collision.checker import Checker
@@ -77,40 +75,6 @@ def kept_waypoints_kernel(points: Array, kept: Indices) -> int:
 
 
 @kernel
-def merge_kernel(points: Array) -> Array:
-    """The waypoints (k, n) that stay, shape (k', n); none where a number is not finite."""
-    k, n = points.shape
-    if not _are_finite(points):
-        return np.empty((0, n))
-    kept = np.empty(k, dtype=np.int64)
-    count = kept_waypoints_kernel(points, kept)
-    merged = np.empty((count, n))
-    for i in range(count):
-        for joint in range(n):
-            merged[i, joint] = points[kept[i], joint]
-    return merged
-
-
-@kernel
-def find_largest_kernel(points: Array) -> Array:
-    """``largest_reaches`` of waypoints (k, n); none where a number is not finite."""
-    k = points.shape[0]
-    if k < 3 or not _are_finite(points):
-        return np.zeros(0)
-    kept, reaches = np.empty(k, dtype=np.int64), np.zeros(k - 2)
-    largest_reaches_kernel(points, kept[: kept_waypoints_kernel(points, kept)], reaches)
-    return reaches
-
-
-@kernel(allocates=False)
-def _are_finite(points: Array) -> bool:
-    finite = True
-    for number in points.reshape(points.size):
-        finite &= bool(abs(number) < np.inf)
-    return finite
-
-
-@kernel
 def largest_reaches_kernel(points: Array, kept: Indices, reaches: Array) -> None:
     """Write the ``largest_reaches`` of waypoints of which some are ``kept``; zeros come in."""
     n = points.shape[1]
@@ -155,10 +119,6 @@ def merge(waypoints: ArrayLike) -> Array:
     Raises:
         InvalidTrajectory: There is no waypoint, rows differ in length, or a value is not finite.
     """
-    if _is_plain(waypoints):
-        merged = _merge()(waypoints)
-        if len(merged):
-            return merged
     points = checked_waypoints(waypoints)
     return points[_keep(points)]
 
@@ -183,31 +143,8 @@ def largest_reaches(waypoints: ArrayLike) -> Array:
     Raises:
         InvalidTrajectory: As in ``merge``.
     """
-    if _is_plain(waypoints):
-        found = _find_largest()(waypoints)
-        if len(found) == len(waypoints) - 2:
-            return found
     points = checked_waypoints(waypoints)
     return _largest_reaches(points, _keep(points))
-
-
-def _is_plain(waypoints: ArrayLike) -> TypeGuard[Array]:
-    """Whether waypoints are an array as kernels take them; its numbers may not be finite."""
-    if type(waypoints) is not np.ndarray or waypoints.dtype != np.float64 or waypoints.ndim != 2:
-        return False
-    return waypoints.flags.c_contiguous and waypoints.size > 0
-
-
-@cache
-def _merge() -> Callable[[Array], Array]:
-    """``merge_kernel`` for a plain array, without numba's check of its type."""
-    return direct(merge_kernel, np.zeros((1, 1)))
-
-
-@cache
-def _find_largest() -> Callable[[Array], Array]:
-    """``find_largest_kernel`` likewise."""
-    return direct(find_largest_kernel, np.zeros((1, 1)))
 
 
 def _largest_reaches(points: Array, kept: Indices) -> Array:
@@ -270,26 +207,20 @@ def blend(waypoints: ArrayLike, reaches: ArrayLike, smooth: bool = False) -> Joi
             "all waypoints are the same: the path has no length",
             hint="Give at least two distinct waypoints.",
         )
-    corner_reaches = _reaches(points, kept, reaches)[kept[1:-1] - 1]
-    corners = points[kept]
-    lengths, directions = _legs(corners)
-    least = _LEAST_REACH * np.minimum(lengths[:-1], lengths[1:])
-    corner_reaches[corner_reaches < least] = 0.0
-    ends = np.zeros(len(corners))
-    ends[1:-1] = corner_reaches
-    room = len(lengths) + 2 * len(corner_reaches)
-    coefficients, spans = np.zeros((room, points.shape[1], 4 if smooth else 3)), np.empty(room)
-    used = blend_kernel(corners, lengths, directions, ends, smooth, coefficients, spans)
-    return JointPath(coefficients[:used], spans[:used])
+    return JointPath(*rounded_kernel(points, _reaches(points, kept, reaches), smooth))
 
 
 @kernel
-def smooth_blend_kernel(waypoints: Array, reaches: Array) -> tuple[Array, Array]:
-    """Coefficients (p, n, 4) and lengths (p,) of ``blend(..., smooth=True)``.
+def rounded_kernel(waypoints: Array, reaches: Array, smooth: bool) -> tuple[Array, Array]:
+    """Coefficients and lengths (p,) of ``blend``.
 
     Args:
         waypoints: Shape (k, n), at least two of them distinct.
         reaches: Reaches of the corners, not negative, shape (k - 2,).
+        smooth: Whether cubics round the corners, or parabolas.
+
+    Returns:
+        Coefficients of shape (p, n, 4), or (p, n, 3) for parabolas, and the lengths.
     """
     k, n = waypoints.shape
     kept = np.empty(k, dtype=np.int64)
@@ -310,8 +241,8 @@ def smooth_blend_kernel(waypoints: Array, reaches: Array) -> tuple[Array, Array]
         if reach >= _LEAST_REACH * min(lengths[i - 1], lengths[i]):
             ends[i] = reach
     room = 3 * count - 5 if count > 2 else 1
-    coefficients, spans = np.zeros((room, n, 4)), np.empty(room)
-    used = blend_kernel(corners, lengths, directions, ends, True, coefficients, spans)
+    coefficients, spans = np.zeros((room, n, 4 if smooth else 3)), np.empty(room)
+    used = blend_kernel(corners, lengths, directions, ends, smooth, coefficients, spans)
     return coefficients[:used], spans[:used]
 
 

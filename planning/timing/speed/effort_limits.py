@@ -23,7 +23,7 @@ from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.failure import TimingFailed
 from planning.timing.jerk.grid import KnotLimits
-from planning.timing.path.path import JointPath
+from planning.timing.path.path import JointPath, piece_values
 from planning.timing.speed.constraints import Cells
 from planning.timing.time_scaling import ScaledTime
 from planning.values.limits import EffortLimits
@@ -191,7 +191,9 @@ def with_effort_rows(
     rows, caps = [cells.rows], cells.caps.copy()
     for end in (0, 1):
         places = cells.starts + end * cells.lengths
-        q, q1, q2 = (_values(path.coefficients[cells.pieces], places, order) for order in range(3))
+        q, q1, q2 = (
+            piece_values(path.coefficients[cells.pieces], places, order) for order in range(3)
+        )
         index = slice(end, len(caps) - 1 + end)
         guess = None if squares is None else squares[index]
         found = knot_limits(loads, q, q1, q2, guess)
@@ -201,13 +203,3 @@ def with_effort_rows(
         slope = a / (2.0 * cells.lengths[:, None])
         rows.append(np.stack([b * (1 - end) - slope, b * end + slope], axis=-1))
     return cells._replace(rows=np.ascontiguousarray(np.concatenate(rows, axis=1)), caps=caps)
-
-
-def _values(c: Array, u: Array, order: int) -> Array:
-    """A derivative of pieces c (N, n, k) at places u (N,), shape (N, n)."""
-    for _ in range(order):
-        c = c[:, :, 1:] * np.arange(1.0, c.shape[2])
-    value = np.zeros(c.shape[:2])
-    for k in range(c.shape[2] - 1, -1, -1):
-        value = value * u[:, None] + c[:, :, k]
-    return value

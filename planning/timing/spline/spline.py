@@ -21,7 +21,7 @@ the path's order, and nothing is sampled.
 """
 
 from collections.abc import Sequence
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import scipy
@@ -170,48 +170,18 @@ def _coefficients(
         raise InvalidOption(
             f"there are no spline ends {ends!r}", hint="Choose from natural, clamped."
         )
-    h = np.diff(knots)[:, None]
-    d = np.diff(points, axis=0) / h
     rest = np.zeros(points.shape[1]) if ends == "clamped" else None
     start, end = (rest if given is None else given for given in velocities)
     if any(given is not None and given.shape != points.shape[1:] for given in (start, end)):
         raise InvalidTrajectory(f"boundary velocities must be {points.shape[1]} numbers each")
-    m = _second_derivatives(h[:, 0], d, (start, end))
-    before, after = m[:-1], m[1:]
-    coefficients = np.stack(
-        [
-            points[:-1],
-            d - h * (2.0 * before + after) / 6.0,
-            0.5 * before,
-            (after - before) / (6.0 * h),
-        ],
-        axis=-1,
-    )
+    natural = (2, np.zeros(points.shape[1]))
+    ends_of: Any = [natural if given is None else (1, given) for given in (start, end)]
+    spline = scipy.interpolate.CubicSpline(knots, points, bc_type=tuple(ends_of))
+    coefficients = np.ascontiguousarray(np.moveaxis(spline.c[::-1], 0, 2))
     if start is not None:
         # Exactly, not but for what solving the system rounds off.
         coefficients[0, :, 1] = start
     return coefficients
-
-
-def _second_derivatives(h: Array, d: Array, velocities: EndVelocities) -> Array:
-    """The m_i at all k knots, shape (k, n), from the tridiagonal system."""
-    count = len(h) + 1
-    # Rows of ``bands`` as in scipy: above, on and below the diagonal.
-    bands = np.zeros((3, count))
-    right = np.zeros((count, d.shape[1]))
-    bands[0, 2:] = h[1:]
-    bands[1, 1:-1] = 2.0 * (h[:-1] + h[1:])
-    bands[2, :-2] = h[:-1]
-    right[1:-1] = 6.0 * np.diff(d, axis=0)
-    bands[1, [0, -1]] = 1.0
-    start, end = velocities
-    if start is not None:
-        bands[1, 0], bands[0, 1] = 2.0 * h[0], h[0]
-        right[0] = 6.0 * (d[0] - start)
-    if end is not None:
-        bands[1, -1], bands[2, -2] = 2.0 * h[-1], h[-1]
-        right[-1] = 6.0 * (end - d[-1])
-    return np.asarray(scipy.linalg.solve_banded((1, 1), bands, right))
 
 
 def smooth_curve(points: Array, tolerance: float, norm: float) -> tuple[JointPath, float] | None:

@@ -22,7 +22,7 @@ from planning.timing.jerk.even_corners import (
     time_even_corners,
 )
 from planning.timing.jerk.jerk_limited import time_path_with_jerk
-from planning.timing.jerk.state_to_state import line_phases
+from planning.timing.jerk.state_to_state import JointState, state_to_state
 from planning.timing.path.blend import blend, largest_reaches, merge
 from tests.planning.timing.timed_paths import PANDA_ACCELERATION, PANDA_VELOCITY, names
 
@@ -115,7 +115,8 @@ def test_a_leg_takes_the_time_that_ruckig_finds(seed: int) -> None:
         limits[0] = np.inf
     start, end = rng.uniform(0.0, min(limits[0], 3.0), 2) * rng.choice([0.0, 1.0], 2)
     length = _ramp_length(min(start, end), max(start, end), limits) + 10.0 ** rng.uniform(-3, 1)
-    expected = line_phases(length, limits, start, end)[:, 4].sum()
+    states = [JointState(np.array([q]), np.array([v])) for q, v in ((0.0, start), (length, end))]
+    expected = state_to_state(("a",), states[0], states[1], limits[:, None]).duration
     assert leg_time(start, end, length, limits, CONVERGED) == pytest.approx(expected, rel=1e-8)
     phases = np.zeros((MAX_PHASES, 5))
     used = leg_phases_kernel(start, end, length, limits, phases)

@@ -13,6 +13,7 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.failure import TimingFailed
+from planning.timing.jerk.double_s import line_phases
 from planning.timing.jerk.grid import (
     JerkLimits,
     KnotLimits,
@@ -24,7 +25,6 @@ from planning.timing.jerk.grid import (
 )
 from planning.timing.jerk.interior_point import least_time_kernel
 from planning.timing.jerk.jerk_limited import TOLERANCE, _start, time_path_with_jerk
-from planning.timing.jerk.state_to_state import line_phases
 from planning.timing.path.blend import blend, largest_reaches, reach_for_deviation
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import effort_rows
@@ -181,7 +181,7 @@ def test_phases_along_a_line_take_the_least_time_and_lead_to_its_end() -> None:
             pieces = (np.polynomial.Polynomial(c).deriv(order) for c in phases[:, :4])
             there = [piece(t) for piece, t in zip(pieces, phases[:, 4], strict=True)]
             np.testing.assert_allclose(there, expected, atol=1e-9)
-    with pytest.raises(TimingFailed, match="ruckig"):
+    with pytest.raises(TimingFailed, match="leaves no room"):
         line_phases(1.0, bounds, end_speed=2.0 * bounds[0])
 
 

@@ -19,7 +19,7 @@ from planning.timing.path.blend import (
     largest_reaches,
     merge,
     reach_for_deviation,
-    smooth_blend_kernel,
+    rounded_kernel,
 )
 from planning.timing.path.path import JointPath
 from planning.values.deadline import Deadline
@@ -193,7 +193,7 @@ def test_the_kernel_blends_as_the_function_does(n: int) -> None:
         reaches = largest_reaches(waypoints)
         reaches *= rng.choice([0.0, 1e-8, 0.3, 1.0 - 1e-9, 1.0], len(reaches))
         path = blend(waypoints, reaches, smooth=True)
-        coefficients, lengths = smooth_blend_kernel(waypoints, reaches)
+        coefficients, lengths = rounded_kernel(waypoints, reaches, True)
         # numpy adds squares of eight joints or more in another order.
         scale = np.abs(path.coefficients).max()
         close = 1e-13 * scale if n > 7 else 0.0
