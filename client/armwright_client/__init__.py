@@ -93,6 +93,7 @@ from armwright_client.errors import UnsupportedMediaType as UnsupportedMediaType
 from armwright_client.errors import ValidationFailed as ValidationFailed
 from armwright_client.errors import WorkerCrashed as WorkerCrashed
 from armwright_client.guard import Guard as Guard
+from armwright_client.guard import GuardedActions as GuardedActions
 from armwright_client.job import Job as Job
 from armwright_client.job import JobEvent as JobEvent
 from armwright_client.job import JobList as JobList

@@ -164,6 +164,79 @@ class Guard:
         self.close()
 
 
+class GuardedActions:
+    """Filter of the actions of a control loop: each target that leaves it lies on a proved motion.
+
+    Called once a period with an action and an observation, both with a position for each joint by
+    name, and answered with the action to send: the way LeRobot's loops call their
+    ``robot_action_processor``. An action is the target of one period later. Where it is reached too
+    fast the arm goes there more slowly; where nothing of it is proved the arm goes on with the stop
+    that it has. Other entries of an action are passed on as they are.
+
+    Args:
+        guard: The session.
+        keys: Entries of the joints, in the robot's order.
+        period: Period of the loop [s].
+        scale: Radians or metres per unit of an entry, one for all or one for each joint.
+    """
+
+    def __init__(
+        self,
+        guard: Guard,
+        keys: Sequence[str],
+        period: float,
+        scale: float | Sequence[float] = 1.0,
+    ) -> None:
+        scales = [scale] * len(keys) if isinstance(scale, int | float) else list(scale)
+        if len(scales) != len(keys):
+            raise InvalidArgument(f"scale has {len(scales)} value(s) for {len(keys)} joints")
+        self._guard, self._period = guard, period
+        self._units = dict(zip(keys, scales, strict=True))
+        self._last: GuardAnswer | None = None
+        self._elapsed: float | None = None
+        self.verdict: GuardAnswer | None = None
+
+    def __call__(self, given: tuple[Mapping[str, Any], Mapping[str, Any]]) -> dict[str, Any]:
+        """The action to send in place of one, with what the arm was measured at.
+
+        Raises:
+            InvalidArgument: An entry of a joint is missing.
+            ApiError: An entry is no position of its joint.
+            TransportError: The connection is lost: the arm has the stop accepted last.
+        """
+        action, observation = given
+        target, measured = self._positions(action), self._positions(observation)
+        proposal = _made(
+            Proposal, samples=[target], period=self._period, interpolation="natural_spline"
+        )
+        state = _made(GuardState, positions=measured, elapsed=self._elapsed)
+        self.verdict = verdict = self._guard.propose(state, proposal)
+        if verdict.trajectory is not None:
+            self._last, self._elapsed = verdict, 0.0
+        if self._last is None or self._elapsed is None:
+            return dict(action) | self._entries(measured)
+        self._elapsed += self._period
+        return dict(action) | self._entries(_place(self._last, self._elapsed))
+
+    def _positions(self, entries: Mapping[str, Any]) -> list[float]:
+        missing = [key for key in self._units if key not in entries]
+        if missing:
+            raise InvalidArgument(f"no entry {missing[0]!r} among {', '.join(entries) or 'none'}")
+        return [float(entries[key]) * unit for key, unit in self._units.items()]
+
+    def _entries(self, positions: Sequence[float]) -> dict[str, float]:
+        pairs = zip(self._units.items(), positions, strict=True)
+        return {key: position / unit for (key, unit), position in pairs}
+
+
+def _place(verdict: GuardAnswer, elapsed: float) -> list[float]:
+    """Where an arm is that runs what was accepted, and its stop after that."""
+    motion, stop, until = verdict.trajectory, verdict.stop.trajectory, verdict.accepted_until
+    if motion is not None and elapsed <= until:
+        return motion.sample([elapsed])[0]
+    return stop.sample([min(elapsed - until, stop.duration)])[0]
+
+
 def _made(kind: type[B], **fields: Any) -> B:
     """A request of fields that are checked here, before anything is sent."""
     try:

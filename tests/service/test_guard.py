@@ -1,8 +1,10 @@
 """The gate over HTTP: single proposals, and sessions over a WebSocket."""
 
+import itertools
 import json
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -18,6 +20,7 @@ from armwright_client import (
     Client,
     Conflict,
     Guard,
+    GuardedActions,
     GuardState,
     InvalidArgument,
     Obstacle,
@@ -25,7 +28,11 @@ from armwright_client import (
     Proposal,
     Scene,
 )
+from kinematics.pose import transform
+from obstacles.scenes import scene as obstacles_scene
+from obstacles.shapes import shape as obstacles_shape
 from service.http.layer.connection import ConnectionLimits, connection_class
+from tests.planning.stops.motions import arm, judge
 from tests.service.processes import wait_until
 from tests.service.robots import answer, problem
 
@@ -201,3 +208,36 @@ def test_a_session_outlives_the_time_that_heads_have(served: Any) -> None:
     finally:
         server.should_exit = True
         thread.join()
+
+
+def test_actions_of_a_policy_that_wanders_become_proved_ones(url: str, tmp_path: Path) -> None:
+    """Every target that leaves the filter is free by coal and within the speed limits."""
+    random, scale = np.random.default_rng(5), np.pi / 180.0
+    keys = [f"joint_{i}.pos" for i in range(1, 8)]
+    limits = arm("panda").chain.limits
+    sent, aim, verdicts = [np.array(READY)], np.array(READY), set()
+    with Guard("panda", url, scene=Scene(obstacles=[WALL])) as guard:
+        step = GuardedActions(guard, keys, 1 / 30, scale)
+        for k in range(150):
+            if k % 25 == 0:
+                aim = random.uniform(limits.lower, limits.upper)
+            observed = sent[-1] + random.normal(0.0, 1e-4, 7)
+            reach = 0.002 if k < 25 else 0.08
+            target = observed + np.clip(aim - observed, -reach, reach)
+            action = {"gripper.pos": 40.0} | dict(zip(keys, target / scale, strict=True))
+            answered = step((action, dict(zip(keys, observed / scale, strict=True))))
+            assert answered["gripper.pos"] == 40.0
+            sent.append(scale * np.array([answered[key] for key in keys]))
+            assert step.verdict is not None
+            assert step.verdict.stop.certificate.verified
+            verdicts.add((step.verdict.scale == 1.0, step.verdict.trajectory is None))
+    rows = np.array(sent)
+    assert verdicts >= {(True, False), (False, True)}
+    speeds = np.abs(np.diff(rows, axis=0)) * 30.0
+    assert (speeds <= limits.velocity * (1.0 + 1e-6)).all()
+    assert np.abs(rows - READY).max() > 0.5
+    wall = obstacles_scene.Obstacle(
+        "wall", obstacles_shape.Box((0.1, 2.0, 2.0)), transform(None, [0.65, 0.0, 0.6])
+    )
+    between = np.concatenate([np.linspace(a, b, 8) for a, b in itertools.pairwise(rows)])
+    assert not judge("panda", obstacles_scene.Scene((wall,)), tmp_path).overlaps(between).any()
