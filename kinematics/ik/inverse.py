@@ -15,7 +15,7 @@ from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.ik.closed_form.analytic import Branches, branches, closed_form, middle, parameter
 from kinematics.ik.closed_form.arm_parts import out_of_reach
-from kinematics.ik.closed_form.refine import GROUP
+from kinematics.ik.closed_form.refine import CODE, GROUP
 from kinematics.ik.closed_form.structure import Structure, structure
 from kinematics.ik.closed_form.subproblem import EXACT
 from kinematics.ik.decoupled import decoupled
@@ -246,9 +246,17 @@ def _closed_form_branches(
     return table, complete
 
 
+def _in_order(table: Branches) -> list[int]:
+    """Rows of a table: by shoulder, elbow and wrist where a wrist's form finds them by roots."""
+    if table.form.kind != "spherical" or table.form.redundant:
+        return list(range(len(table.table)))
+    order: list[int] = table.table[:, table.n + CODE].argsort(kind="stable").tolist()
+    return order
+
+
 def _solutions(table: Branches, outside_limits: bool) -> list[IkSolution]:
     inside = table.within_limits
-    return [_solution(table, i) for i in range(len(inside)) if inside[i] or outside_limits]
+    return [_solution(table, i) for i in _in_order(table) if inside[i] or outside_limits]
 
 
 def _solution(table: Branches, row: int) -> IkSolution:
@@ -276,7 +284,8 @@ def _best_branches(query: _Query, table: Branches, inside: Indices, *, complete:
     else:
         ranked = inside[order(query.chain, joints, how.ranking, query.near, query.link)]
         rows = ranked.tolist()
-        rows += (~table.within_limits).nonzero()[0].tolist() if how.outside_limits else []
+        if how.outside_limits:
+            rows += [i for i in _in_order(table) if not table.within_limits[i]]
         best = tuple(_solution(table, row) for row in rows[: how.most])
     return IkResult(best, best[0], 0, complete=complete, found=found)
 

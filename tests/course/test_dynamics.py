@@ -1,7 +1,5 @@
 """Lectures 21 to 28 and 33: D, C, G and energies of the cart-pendulum and the planar arm."""
 
-from collections.abc import Callable
-from itertools import product
 from typing import Any
 
 import httpx
@@ -56,84 +54,13 @@ def torques(model: Any, state: Any) -> Any:
     return D @ qdd + C @ qd + gravity
 
 
-def kinetic_of_arm(q: Any, qd: Any) -> float:
-    """T of lecture 27, written with the speeds of the centres of mass."""
-    v1 = LC1**2 * qd[0] ** 2
-    w2 = qd[0] + qd[1]
-    v2 = L1**2 * qd[0] ** 2 + LC2**2 * w2**2 + 2 * L1 * LC2 * np.cos(q[1]) * qd[0] * w2
-    return float(M1 * v1 + M2 * v2 + I1 * qd[0] ** 2 + I2 * w2**2) / 2.0
-
-
-def kinetic_of_cart(q: Any, qd: Any) -> float:
-    """T of lecture 26."""
-    x, phi = qd
-    coupled = BOB * ROD * np.cos(q[1]) * x * phi
-    return float((CART + BOB) * x**2 / 2 + (I_BOB + BOB * ROD**2) * phi**2 / 2 - coupled)
-
-
 def equations(name: str, robot: str, state: Any, pick: Any, expected: Any) -> Example:
     body = {"joints": state[0], "velocities": state[1], "accelerations": state[2]}
     return Example(name, f"robots/{robot}/dynamics", body, pick, expected)
 
 
-def christoffel(model: Any, q: Any, i: int, j: int, k: int) -> float:
-    """c_ijk by central differences of D: exact to step squared."""
-    step = 1e-5
-
-    def slope(row: int, column: int, along: int) -> float:
-        e = step * np.eye(2)[along]
-        ahead, behind = (model(np.array(q) + sign * e, [0, 0])[0] for sign in (1.0, -1.0))
-        return float(ahead[row, column] - behind[row, column]) / (2.0 * step)
-
-    return 0.5 * (slope(k, j, i) + slope(k, i, j) - slope(i, j, k))
-
-
-def entry_of_c(row: int, column: int) -> Callable[[Any], float]:
-    """Takes an entry of the Coriolis matrix from an answer."""
-    return lambda found: float(found["coriolis_matrix"][row][column])
-
-
 MODELS = {"notes_cart": (cart, CART_STATE), "notes_planar": (arm, ARM_STATE)}
-q2 = ARM_STATE[0][1]
 EXAMPLES = [
-    *(
-        equations(f"{robot}: {name}", robot, state, pick, expected)
-        for robot, (model, state) in MODELS.items()
-        for name, pick, expected in (
-            ("D", lambda found: found["mass_matrix"], model(*state[:2])[0]),
-            ("C", lambda found: found["coriolis_matrix"], model(*state[:2])[1]),
-            ("G", lambda found: found["gravity"], model(*state[:2])[2]),
-            ("torques", lambda found: found["torques"], torques(model, state)),
-        )
-    ),
-    equations("26 T of the cart", "notes_cart", CART_STATE,
-              lambda found: found["kinetic_energy"], kinetic_of_cart(*CART_STATE[:2])),
-    equations("27 T of the arm", "notes_planar", ARM_STATE,
-              lambda found: found["kinetic_energy"], kinetic_of_arm(*ARM_STATE[:2])),
-    equations("26 U of the cart", "notes_cart", CART_STATE,
-              lambda found: found["potential_energy"], BOB * G * ROD * np.cos(0.6)),
-    equations("27 U of the arm", "notes_planar", ARM_STATE,
-              lambda found: found["potential_energy"],
-              M1 * G * LC1 * np.sin(0.5)
-              + M2 * G * (L1 * np.sin(0.5) + LC2 * np.sin(0.5 - 0.8))),
-    # C(q, e_i) has the entries c_ijk: a unit velocity of one joint tells its symbols.
-    *(
-        Example(
-            f"25 {robot}: c_{i + 1}{j + 1}{k + 1}",
-            f"robots/{robot}/dynamics",
-            {"joints": MODELS[robot][1][0], "velocities": np.eye(2)[i].tolist()},
-            entry_of_c(k, j),
-            christoffel(MODELS[robot][0], MODELS[robot][1][0], i, j, k),
-            1e-8,
-        )
-        for robot in MODELS
-        for i, j, k in product(range(2), repeat=3)
-    ),
-    Example("27 c_121 = c_211 = c_221 = -c_112 of the notes", "robots/notes_planar/dynamics",
-            {"joints": [ARM_STATE[0]] * 2, "velocities": np.eye(2).tolist()},
-            lambda found: [found["coriolis_matrix"][0][0][1], found["coriolis_matrix"][1][0][0],
-                           found["coriolis_matrix"][1][0][1], -found["coriolis_matrix"][0][1][0]],
-            [-M2 * L1 * LC2 * np.sin(q2)] * 4),
     equations("28 M q'' + C q' + B q' + G = u with motors", "notes_motors", ARM_STATE,
               lambda found: found["torques"],
               torques(arm, ARM_STATE) + np.array(MOTOR_INERTIA) * ARM_STATE[2]
@@ -170,30 +97,6 @@ EXAMPLES += [
         expected,
     )
     for robot, expected in (("notes_cart", CART_PARTIAL), ("notes_planar", ARM_PARTIAL))
-]
-EXAMPLES += [
-    Example(
-        f"25 all Christoffel symbols, {robot}",
-        f"robots/{robot}/dynamics",
-        {"joints": MODELS[robot][1][0], "christoffel_symbols": True},
-        lambda found: found["christoffel_symbols"],
-        [
-            [[christoffel(model, state[0], i, j, k) for k in range(2)] for j in range(2)]
-            for i in range(2)
-        ],
-        1e-8,
-    )
-    for robot, (model, state) in MODELS.items()
-]
-EXAMPLES += [
-    Example(
-        f"25 forward dynamics, {robot}",
-        f"robots/{robot}/forward-dynamics",
-        {"joints": state[0], "velocities": state[1], "torques": torques(model, state).tolist()},
-        lambda found: found["accelerations"],
-        state[2],
-    )
-    for robot, (model, state) in MODELS.items()
 ]
 
 

@@ -6,7 +6,7 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.course.example import ROUNDING, Example, ask, check, each
+from tests.course.example import ROUNDING, ask
 from tests.course.robots import A1, A2, revolute
 
 Q, GOAL = [0.2, 0.4], [1.1, -0.5]
@@ -20,8 +20,6 @@ OPTIONS: dict[str, Any] = {
 }
 BALL = {"id": "ball", "shape": {"type": "sphere", "radius": RADIUS},
         "pose": {"position": CENTRE.tolist()}}  # fmt: skip
-BOX = {"id": "box", "shape": {"type": "box", "size": [0.2, 0.2, 0.2]},
-       "pose": {"position": [0.95, 0.75, 0.0]}}  # fmt: skip
 
 
 def origins(q: Any) -> Any:
@@ -38,100 +36,26 @@ def jacobians(q: Any) -> Any:
     return [first, np.column_stack([np.cross(z, O2), np.cross(z, O2 - O1)])]
 
 
-def attraction(q: Any, goal: Any = GOAL, cap: float = CAP) -> Any:
+def attraction(q: Any) -> Any:
     forces = []
-    for point, end, weight in zip(origins(q), origins(goal), WEIGHTS, strict=True):
+    for point, end, weight in zip(origins(q), origins(GOAL), WEIGHTS, strict=True):
         e = point - end
         far = np.linalg.norm(e)
-        forces.append(-weight * e * (1.0 if far <= cap else cap / far))
+        forces.append(-weight * e * (1.0 if far <= CAP else CAP / far))
     return np.array(forces)
 
 
-def project_ball(p: Any) -> Any:
-    return CENTRE + RADIUS * (p - CENTRE) / np.linalg.norm(p - CENTRE)
+def joint_force(q: Any) -> Any:
+    return sum(J.T @ F for J, F in zip(jacobians(q), attraction(q), strict=True))
 
 
-def project_box(p: Any) -> Any:
-    middle = np.array(BOX["pose"]["position"])  # type: ignore[index]
-    return np.clip(p, middle - 0.1, middle + 0.1)
-
-
-def repulsion(q: Any, *projections: Any) -> Any:
-    forces = np.zeros((2, 3))
-    for i, point in enumerate(origins(q)):
-        for project in projections:
-            e = point - project(point)
-            rho = np.linalg.norm(e)
-            if rho <= RHO:
-                forces[i] += ETA * (1.0 / rho - 1.0 / RHO) * e / rho**3
-    return forces
-
-
-def joint_force(q: Any, *projections: Any) -> Any:
-    forces = attraction(q) + repulsion(q, *projections)
-    return sum(J.T @ F for J, F in zip(jacobians(q), forces, strict=True))
-
-
-def potential(q: Any, *projections: Any) -> float:
+def potential(q: Any) -> float:
     U: Any = 0.0
     for i, (point, end) in enumerate(zip(origins(q), origins(GOAL), strict=True)):
         far = np.linalg.norm(point - end)
         # Half the square near the goal, its tangent beyond the cap.
         U += WEIGHTS[i] * (far**2 / 2.0 if far <= CAP else CAP * far - CAP**2 / 2.0)
-        for project in projections:
-            rho = np.linalg.norm(point - project(point))
-            U += ETA / 2.0 * (1.0 / rho - 1.0 / RHO) ** 2 if rho <= RHO else 0.0
     return float(U)
-
-
-def field(name: str, pick: Any, expected: Any, q: Any = Q, *obstacles: Any, **options: Any) -> Any:
-    body = {"joints": list(q), "goal_joints": GOAL, "options": OPTIONS | options}
-    if obstacles:
-        body["scene"] = {"obstacles": list(obstacles)}
-    return Example(name, "robots/notes_two_link/potential", body, pick, expected)
-
-
-def points(key: str) -> Any:
-    return lambda found: [point[key] for point in found["control_points"]]
-
-
-NEAR = [0.5, 0.2]
-EXAMPLES = [
-    field("18 O_i", points("origin"), origins(Q)),
-    field("18 O_i at the goal", points("goal"), origins(GOAL)),
-    field("18 attraction with its cap", points("attractive_force"), attraction(Q)),
-    field("18 attraction without a cap is c e", points("attractive_force"),
-          attraction(Q, cap=99.0), attractive_cap=99.0),
-    field("18 attraction at the goal is 0", points("attractive_force"), np.zeros((2, 3)), GOAL),
-    field("18 projection onto a sphere", points("projection"),
-          [project_ball(p) for p in origins(Q)], Q, BALL),
-    field("18 projection onto a box", points("projection"),
-          [project_box(p) for p in origins(Q)], Q, BOX),
-    field("18 distance", points("distance"),
-          [np.linalg.norm(p - project_ball(p)) for p in origins(Q)], Q, BALL),
-    field("18 repulsion of a sphere", points("repulsive_force"), repulsion(NEAR, project_ball),
-          NEAR, BALL),
-    field("18 repulsion of a box", points("repulsive_force"), repulsion(NEAR, project_box),
-          NEAR, BOX),
-    field("18 two obstacles add up", points("repulsive_force"),
-          repulsion(NEAR, project_ball, project_box), NEAR, BALL, BOX),
-    field("18 no repulsion beyond the influence distance", points("repulsive_force"),
-          np.zeros((2, 3)), [-1.5, 0.0], BALL),
-    field("18 potential of the attraction", lambda found: found["potential"], potential(Q)),
-    field("18 potential with a sphere", lambda found: found["potential"],
-          potential(NEAR, project_ball), NEAR, BALL),
-    field("19 joint force of the attraction", lambda found: found["joint_force"], joint_force(Q)),
-    field("19 joint force with a sphere", lambda found: found["joint_force"],
-          joint_force(NEAR, project_ball), NEAR, BALL),
-    field("19 the gradient is minus the joint force", lambda found: found["gradient"],
-          -joint_force(NEAR, project_ball), NEAR, BALL),
-    field("19 the goal is a minimum", lambda found: found["gradient"], np.zeros(2), GOAL),
-]  # fmt: skip
-
-
-@each(EXAMPLES)
-def test_example(service: httpx.Client, example: Example) -> None:
-    check(service, example)
 
 
 def test_repulsion_grows_without_bound(service: httpx.Client) -> None:

@@ -6,128 +6,12 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.course.example import Example, ask, check, dh_matrix, each, pose_matrix
+from tests.course.example import ask, dh_matrix, pose_matrix
 from tests.course.robots import (
-    A1,
-    A2,
     ELBOW_A1,
     ELBOW_D1,
     ELBOW_D2,
-    ROD,
-    RRR_A2,
-    RRR_A3,
-    RRR_D1,
 )
-
-T1, T2, T3 = 0.5, -0.8, 0.3
-C1, S1, C12, S12 = np.cos(T1), np.sin(T1), np.cos(T1 + T2), np.sin(T1 + T2)
-STROKE = 0.45
-#: Rows (theta, d, a, alpha) of the RRP arm with an elbow, the RRR arm and the cart.
-ELBOW = [
-    dh_matrix(T1, ELBOW_D1, ELBOW_A1, -pi / 2.0),
-    dh_matrix(T2, ELBOW_D2, 0.0, pi / 2.0),
-    dh_matrix(0.0, STROKE, 0.0, 0.0),
-]
-RRR = [
-    dh_matrix(T1, RRR_D1, 0.0, pi / 2.0),
-    dh_matrix(T2, 0.0, RRR_A2, 0.0),
-    dh_matrix(T3, 0.0, RRR_A3, 0.0),
-]
-CART_X, CART_PHI = 0.3, 0.6
-
-
-def fk(name: str, robot: str, joints: list[float], link: str, expected: np.ndarray) -> Example:
-    body = {"joints": joints, "orientation": "rotation_matrix"}
-    return Example(
-        name, f"robots/{robot}/fk", body, lambda found: pose_matrix(found["links"][link]), expected
-    )
-
-
-EXAMPLES = [
-    fk("9 two links, H_1_0", "notes_two_link", [T1, T2], "link_1", dh_matrix(T1, 0.0, A1, 0.0)),
-    fk(
-        "9 two links, closed form of H_2_0",
-        "notes_two_link",
-        [T1, T2],
-        "tool",
-        np.array(
-            [
-                [C12, -S12, 0.0, A1 * C1 + A2 * C12],
-                [S12, C12, 0.0, A1 * S1 + A2 * S12],
-                [0.0, 0.0, 1.0, 0.0],
-                [0.0, 0.0, 0.0, 1.0],
-            ]
-        ),
-    ),
-    *(
-        fk(
-            f"9 elbow, H_{i}_0",
-            "notes_elbow",
-            [T1, T2, STROKE],
-            f"link_{i}",
-            np.linalg.multi_dot([np.eye(4), *ELBOW[:i]]),
-        )
-        for i in (1, 2, 3)
-    ),
-    fk(
-        "9 elbow, O_2 by geometry",
-        "notes_elbow",
-        [T1, T2, STROKE],
-        "link_2",
-        np.block(
-            [
-                [
-                    (ELBOW[0] @ ELBOW[1])[:3, :3],
-                    np.array(
-                        [
-                            [ELBOW_A1 * C1 - ELBOW_D2 * S1],
-                            [ELBOW_A1 * S1 + ELBOW_D2 * C1],
-                            [ELBOW_D1],
-                        ]
-                    ),
-                ],
-                [np.array([[0.0, 0.0, 0.0, 1.0]])],
-            ]
-        ),
-    ),
-    *(
-        fk(
-            f"15 RRR, H_{i}_0",
-            "notes_rrr",
-            [T1, T2, T3],
-            f"link_{i}",
-            np.linalg.multi_dot([np.eye(4), *RRR[:i]]),
-        )
-        for i in (1, 2, 3)
-    ),
-    fk("26 cart, H_1_0", "notes_cart", [CART_X, CART_PHI], "link_1",
-       dh_matrix(0.0, CART_X, 0.0, -pi / 2.0)),
-    fk("26 pendulum, H_2_0", "notes_cart", [CART_X, CART_PHI], "link_2",
-       dh_matrix(0.0, CART_X, 0.0, -pi / 2.0) @ dh_matrix(CART_PHI, 0.0, ROD, 0.0)),
-    Example(
-        "26 pendulum, r_2 of the notes",
-        "robots/notes_cart/fk",
-        {"joints": [CART_X, CART_PHI]},
-        lambda found: found["pose"]["position"],
-        [ROD * np.cos(CART_PHI), 0.0, CART_X - ROD * np.sin(CART_PHI)],
-    ),
-    Example(
-        "27 R_2_0 of the pendulum",
-        "robots/notes_cart/fk",
-        {"joints": [CART_X, CART_PHI], "orientation": "rotation_matrix"},
-        lambda found: found["pose"]["rotation_matrix"],
-        [
-            [np.cos(CART_PHI), -np.sin(CART_PHI), 0.0],
-            [0.0, 0.0, 1.0],
-            [-np.sin(CART_PHI), -np.cos(CART_PHI), 0.0],
-        ],
-    ),
-]  # fmt: skip
-
-
-@each(EXAMPLES)
-def test_example(service: httpx.Client, example: Example) -> None:
-    check(service, example)
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])

@@ -1,7 +1,6 @@
 """Lectures 10, 11, 15, 16: decoupling with all branches, numeric and gradient methods."""
 
-from itertools import product
-from math import asin, atan2, cos, hypot, pi, sin, sqrt
+from math import atan2, cos, pi, sin
 from typing import Any
 
 import httpx
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.course.example import ROUNDING, ask, dh_matrix, pose_matrix
-from tests.course.robots import A1, A2, RRR_A2, RRR_A3, RRR_D1
+from tests.course.robots import RRR_A2, RRR_A3, RRR_D1
 
 #: Lengths of the built-in elbow manipulator with a spherical wrist [m].
 D1 = ELBOW_A2 = D4 = 0.4
@@ -28,89 +27,9 @@ def elbow(q: Any) -> list[Any]:
     return [dh_matrix(angle, *row) for angle, row in zip(q, table, strict=True)]
 
 
-def desired() -> Any:
-    a, b, c = ZYZ
-    T = dh_matrix(a, 0, 0, 0) @ np.diag([1, 1, 1, 1.0])
-    Ry = np.array([[cos(b), 0, sin(b)], [0, 1, 0], [-sin(b), 0, cos(b)]])
-    T[:3, :3] = T[:3, :3] @ Ry @ dh_matrix(c, 0, 0, 0)[:3, :3]
-    T[:3, 3] = POSITION
-    return T
-
-
-def branches() -> list[list[float]]:
-    """All eight solutions by the formulas of lectures 5, 10 and 11."""
-    T = desired()
-    x, y, z = T[:3, 3] - T[:3, :3] @ [0.0, 0.0, D6]
-    s = z - D1
-    D = (x * x + y * y + s * s - ELBOW_A2**2 - D4**2) / (2.0 * ELBOW_A2 * D4)
-    found = []
-    for shoulder, elbow_sign, wrist in product((1.0, -1.0), repeat=3):
-        # With the shoulder turned by half a turn the horizontal distance counts backwards.
-        t1, r = atan2(shoulder * y, shoulder * x), shoulder * hypot(x, y)
-        t3 = atan2(D, elbow_sign * sqrt(1.0 - D * D))
-        t2 = atan2(s, r) - atan2(D4 * sin(t3 - pi / 2), ELBOW_A2 + D4 * cos(t3 - pi / 2))
-        H = elbow([t1, t2, t3, 0.0, 0.0, 0.0])
-        R = (H[0] @ H[1] @ H[2])[:3, :3].T @ T[:3, :3]
-        t5 = wrist * np.arccos(R[2, 2])
-        t4 = atan2(wrist * R[1, 2], wrist * R[0, 2])
-        t6 = atan2(wrist * R[2, 1], -wrist * R[2, 0])
-        found.append([t1, t2, t3, t4, t5, t6])
-    return found
-
-
 def distance(p: Any, q: Any) -> float:
     """Largest difference of two configurations, whole turns aside [rad]."""
     return float(np.abs(np.angle(np.exp(1j * (np.array(p) - q)))).max())
-
-
-@pytest.fixture(scope="module")
-def solutions(service: httpx.Client) -> list[dict[str, Any]]:
-    body = {"pose": POSE, "method": "analytic", "all_solutions": True}
-    found: list[dict[str, Any]] = ask(service, "robots/elbow_wrist/ik", body)["solutions"]
-    return found
-
-
-def test_decoupling_has_eight_branches(solutions: list[dict[str, Any]]) -> None:
-    assert len(solutions) == 8
-    assert len({one["branch"] for one in solutions}) == 8
-
-
-@pytest.mark.parametrize("index", range(8))
-def test_each_branch_of_the_notes_is_answered(solutions: list[dict[str, Any]], index: int) -> None:
-    by_notes = branches()[index]
-    np.testing.assert_allclose(np.linalg.multi_dot(elbow(by_notes)), desired(), atol=ROUNDING)
-    assert min(distance(one["joints"], by_notes) for one in solutions) < 1e-8
-
-
-def test_the_wrist_centre_does_not_depend_on_the_wrist(
-    service: httpx.Client, solutions: list[dict[str, Any]]
-) -> None:
-    T = desired()
-    centre = T[:3, 3] - T[:3, :3] @ [0.0, 0.0, D6]
-    for one in solutions:
-        H = np.linalg.multi_dot(elbow(one["joints"])[:4])
-        np.testing.assert_allclose(H[:3, 3], centre, atol=ROUNDING)
-
-
-def test_both_elbows_satisfy_the_law_of_cosines(solutions: list[dict[str, Any]]) -> None:
-    T = desired()
-    x, y, z = T[:3, 3] - T[:3, :3] @ [0.0, 0.0, D6]
-    D = (x * x + y * y + (z - D1) ** 2 - ELBOW_A2**2 - D4**2) / (2.0 * ELBOW_A2 * D4)
-    angles = sorted({round(one["joints"][2] % (2 * pi), 7) for one in solutions})
-    assert angles == pytest.approx(sorted([asin(D) % (2 * pi), pi - asin(D)]), abs=1e-6)
-
-
-def test_two_links_have_two_solutions(service: httpx.Client) -> None:
-    # Planar arm by the cosine law; seeds on either side of the straight arm.
-    x, y = 0.55, 0.45
-    c2 = (x * x + y * y - A1**2 - A2**2) / (2.0 * A1 * A2)
-    for sign in (1.0, -1.0):
-        t2 = sign * np.arccos(c2)
-        t1 = atan2(y, x) - atan2(A2 * sin(t2), A1 + A2 * cos(t2))
-        body = {"pose": {"position": [x, y, 0.0]}, "axes": ["x", "y"],
-                "method": "numeric", "seed_joints": [0.6, 1.2 * sign]}  # fmt: skip
-        joints = ask(service, "robots/notes_two_link/ik", body)["solutions"][0]["joints"]
-        assert joints == pytest.approx([t1, t2], abs=1e-5)
 
 
 def test_six_coordinates_are_too_many_for_two_joints(service: httpx.Client) -> None:
@@ -155,19 +74,6 @@ def test_a_straight_wrist_determines_a_sum_of_angles_only(service: httpx.Client)
     assert rank == 5
 
 
-def test_a_position_of_the_articulated_arm(service: httpx.Client) -> None:
-    # Cosine law in the vertical plane of the arm.
-    x, y, z = 0.3, 0.4, 0.7
-    r, s = hypot(x, y), z - RRR_D1
-    c3 = (r * r + s * s - RRR_A2**2 - RRR_A3**2) / (2.0 * RRR_A2 * RRR_A3)
-    t3 = np.arccos(c3)
-    t2 = atan2(s, r) - atan2(RRR_A3 * sin(t3), RRR_A2 + RRR_A3 * cos(t3))
-    body = {"pose": {"position": [x, y, z]}, "axes": ["x", "y", "z"],
-            "seed_joints": [0.2, 0.4, 1.0]}  # fmt: skip
-    joints = ask(service, "robots/notes_rrr/ik", body)["solutions"][0]["joints"]
-    assert joints == pytest.approx([atan2(y, x), t2, t3], abs=1e-5)
-
-
 def follow(service: httpx.Client, seed: Any, **options: Any) -> dict[str, Any]:
     """The answer of the gradient method with its trace."""
     body = {
@@ -178,23 +84,6 @@ def follow(service: httpx.Client, seed: Any, **options: Any) -> dict[str, Any]:
     }
     found: dict[str, Any] = ask(service, "robots/elbow_wrist/ik", body)
     return found
-
-
-def test_the_flow_of_lecture_16_ends_at_a_branch(service: httpx.Client) -> None:
-    found = follow(service, SEED, rule="pseudo_inverse")
-    end = found["solutions"][0]["joints"]
-    assert min(distance(end, one) for one in branches()) < 1e-5
-
-
-@pytest.mark.parametrize("gain", [1.0, 4.0])
-def test_the_error_of_the_flow_falls_exponentially(service: httpx.Client, gain: float) -> None:
-    # e' = -K e. Near the solution the steps of the integrator are exact to a hundred thousandth.
-    trace = follow(service, np.array(branches()[0]) + 0.01, rule="pseudo_inverse", gain=gain)[
-        "trace"
-    ]
-    t, e = np.array(trace["time"]), np.array(trace["position_error"])
-    early = gain * t < 5.0
-    np.testing.assert_allclose(e[early] / e[0], np.exp(-gain * t[early]), atol=5e-5)
 
 
 def test_the_descent_of_lecture_15_lowers_the_error(service: httpx.Client) -> None:

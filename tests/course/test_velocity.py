@@ -1,20 +1,18 @@
 """Lectures 12 to 14, 16 and 17: Jacobians, velocities, the helicopter, static torques."""
 
 from math import pi
-from typing import Any
 
 import httpx
 import numpy as np
 import pytest
 
-from tests.course.example import ROUNDING, Example, ask, check, dh_matrix, each
+from tests.course.example import ROUNDING, ask, dh_matrix
 from tests.course.robots import (
     A1,
     A2,
     ELBOW_A1,
     ELBOW_D1,
     ELBOW_D2,
-    ROD,
     RRR_A2,
     RRR_A3,
     RRR_D1,
@@ -22,20 +20,6 @@ from tests.course.robots import (
 
 T1, T2, T3, STROKE = 0.5, -0.8, 0.3, 0.45
 WEIGHT = 10.0
-
-
-def columns(matrices: list[Any], revolute: list[bool], point: int | None = None) -> Any:
-    """The geometric Jacobian of O_point by lectures 13 and 14, from the rows' transformations."""
-    frames = [np.eye(4)]
-    for matrix in matrices:
-        frames.append(frames[-1] @ matrix)
-    last = len(matrices) if point is None else point
-    J = np.zeros((6, len(matrices)))
-    for i in range(last):
-        z, origin = frames[i][:3, 2], frames[i][:3, 3]
-        arm = frames[last][:3, 3] - origin
-        J[:, i] = np.r_[np.cross(z, arm), z] if revolute[i] else np.r_[z, 0.0, 0.0, 0.0]
-    return J
 
 
 RRR = [
@@ -48,78 +32,6 @@ ELBOW = [
     dh_matrix(T2, ELBOW_D2, 0.0, pi / 2.0),
     dh_matrix(0.0, STROKE, 0.0, 0.0),
 ]
-
-
-def jacobian(name: str, robot: str, joints: list[float], expected: Any, **more: Any) -> Example:
-    body = {"joints": joints} | more
-    return Example(
-        name, f"robots/{robot}/jacobian", body, lambda found: found["jacobian"], expected
-    )
-
-
-def torques(name: str, t2: float, t3: float) -> Example:
-    """The torques that hold 10 N at the tip of the RRR arm, lecture 17."""
-    reach = RRR_A3 * np.cos(t2 + t3)
-    return Example(
-        name,
-        "robots/notes_rrr/wrench",
-        {"joints": [T1, t2, t3], "wrench": [0.0, 0.0, WEIGHT, 0.0, 0.0, 0.0]},
-        lambda found: found["torques"],
-        [0.0, WEIGHT * (reach + RRR_A2 * np.cos(t2)), WEIGHT * reach],
-    )
-
-
-def helicopter(name: str, angle: float, pick: Any, expected: Any) -> Example:
-    body = {"joints": [angle], "joint_velocities": [1.0 / 3.0]}
-    return Example(name, "robots/notes_helicopter/velocity", body, pick, expected)
-
-
-EXAMPLES = [
-    jacobian("15 RRR, J of the tip", "notes_rrr", [T1, T2, T3], columns(RRR, [True] * 3)),
-    *(
-        jacobian(f"19 RRR, J of O_{i} is cut off after joint {i}", "notes_rrr", [T1, T2, T3],
-                 columns(RRR, [True] * 3, i), link=f"link_{i}")
-        for i in (1, 2)
-    ),
-    jacobian("14 a sliding joint has the column (z, 0)", "notes_elbow", [T1, T2, STROKE],
-             columns(ELBOW, [True, True, False])),
-    jacobian(
-        "14 two links, by differentiation",
-        "notes_two_link",
-        [T1, T2],
-        [
-            [-A1 * np.sin(T1) - A2 * np.sin(T1 + T2), -A2 * np.sin(T1 + T2)],
-            [A1 * np.cos(T1) + A2 * np.cos(T1 + T2), A2 * np.cos(T1 + T2)],
-            [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 1.0],
-        ],
-    ),
-    jacobian("27 J_v1, J_w1 of the cart", "notes_cart", [0.3, 0.6],
-             [[0, 0], [0, 0], [1, 0], [0, 0], [0, 0], [0, 0]], link="link_1"),
-    jacobian("27 J_v2, J_w2 of the pendulum", "notes_cart", [0.3, 0.6],
-             [[0, -ROD * np.sin(0.6)], [0, 0], [1, -ROD * np.cos(0.6)], [0, 0], [0, 1], [0, 0]]),
-    *(
-        helicopter(f"15 helicopter at {angle}", angle, lambda found: found["twist"],
-                   [-10.0 * np.sin(angle), 10.0 * np.cos(angle), 0.0, 0.0, 0.0, 1.0 / 3.0])
-        for angle in (0.0, 0.4, 2.5)
-    ),
-    helicopter("15 the helicopter's speed is 10", 1.2,
-               lambda found: np.linalg.norm(found["twist"][:3]), 10.0),
-    torques("17 holding 10 N", T2, T3),
-    torques("17 stretched out, the largest torques", 0.0, 0.0),
-    torques("17 pointing up, no torque", pi / 2.0, 0.0),
-    Example(
-        "17 stretched out, by number",
-        "robots/notes_rrr/wrench",
-        {"joints": [T1, 0.0, 0.0], "wrench": [0.0, 0.0, WEIGHT, 0.0, 0.0, 0.0]},
-        lambda found: found["torques"],
-        [0.0, 8.5, 3.5],
-    ),
-]  # fmt: skip
-
-
-@each(EXAMPLES)
-def test_example(service: httpx.Client, example: Example) -> None:
-    check(service, example)
 
 
 def test_the_helicopter_looks_forward(service: httpx.Client) -> None:

@@ -177,3 +177,9 @@ def random_urdf(seed: int, *, branch: bool = False) -> str:
         parts += [link("finger"), joint("side", "revolute", "plate1", "finger")]
         parts += [link("nail"), joint("slide", "prismatic", "finger", "nail")]
     return f'<robot name="upload{seed}">{"".join(parts)}</robot>'
+
+
+def relative_error(value: Array, reference: Array) -> float:
+    """Largest difference over the largest entry of the reference."""
+    scale = float(np.abs(reference).max())
+    return float(np.abs(value - reference).max()) / (scale if scale > 0.0 else 1.0)

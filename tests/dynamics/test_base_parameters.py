@@ -20,8 +20,13 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, MissingInertia
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
-from tests.dynamics.oracle import relative_error
-from tests.dynamics.samples import cart_pendulum, planar_rr, random_chain, random_state
+from tests.dynamics.samples import (
+    cart_pendulum,
+    planar_rr,
+    random_chain,
+    random_state,
+    relative_error,
+)
 
 
 def observations(chain: Chain, motors: bool, seed: int = 90) -> Array:

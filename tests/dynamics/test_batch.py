@@ -29,41 +29,9 @@ def test_vectors_stack_as_numpy_broadcasts_them(shapes: tuple[object, ...], seed
     assert stack.flags.c_contiguous
 
 
-@pytest.mark.parametrize("count", [1, 2, 4])
-def test_single_vectors_are_a_batch_of_one(count: int) -> None:
-    vectors = {f"v{i}": np.full(3, float(i)) for i in range(count)}
-    stack, lead = stack_vectors(CHAIN, **vectors)
-    assert lead == ()
-    np.testing.assert_array_equal(stack[0, :, 0], np.arange(count))
-
-
-def test_one_vector_serves_a_whole_batch() -> None:
-    q = np.arange(12.0).reshape(4, 3)
-    stack, lead = stack_vectors(CHAIN, joints=q, velocities=[7.0, 8.0, 9.0])
-    assert lead == (4,)
-    np.testing.assert_array_equal(stack[:, 0], q)
-    np.testing.assert_array_equal(stack[:, 1], [[7.0, 8.0, 9.0]] * 4)
-
-
-def test_the_stack_is_a_copy() -> None:
-    q = np.zeros((2, 3))
-    stack, _ = stack_vectors(CHAIN, joints=q)
-    stack[:] = 5.0
-    assert not q.any()
-
-
 def test_batches_that_do_not_fit_are_named_with_their_shapes() -> None:
     with pytest.raises(InvalidRobotState, match="batches do not fit") as caught:
         stack_vectors(CHAIN, joints=np.zeros((4, 3)), velocities=np.zeros((2, 3)))
     assert "joints (4, 3), velocities (2, 3)" in caught.value.message
     with pytest.raises(InvalidRobotState, match="do not fit"):
         stack_vectors(CHAIN, a=np.zeros((2, 4, 3)), b=np.zeros((4, 2, 3)))
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_vector_that_is_wrong_is_named(name: str) -> None:
-    good = {other: np.zeros((2, 3)) for other in NAMES}
-    with pytest.raises(InvalidRobotState, match=f"^{name} has 2 value"):
-        stack_vectors(CHAIN, **(good | {name: np.zeros(2)}))
-    with pytest.raises(InvalidRobotState, match=f"^{name} is not finite at joint 'joint1'"):
-        stack_vectors(CHAIN, **(good | {name: [0.0, np.nan, 0.0]}))

@@ -9,8 +9,7 @@ from dynamics.forward import forward_dynamics
 from dynamics.inverse import inverse_dynamics
 from kinematics.errors import InvalidRobotState, MissingInertia
 from kinematics.model.chain import Inertia
-from tests.dynamics.oracle import relative_error
-from tests.dynamics.samples import planar_rr, random_chain, random_state
+from tests.dynamics.samples import planar_rr, random_chain, random_state, relative_error
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -9,11 +9,11 @@ import pytest
 from dynamics.inverse import inverse_dynamics
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import forward
-from tests.dynamics.oracle import relative_error
 from tests.dynamics.samples import (
     pinocchio_model,
     random_chain,
     random_state,
+    relative_error,
 )
 
 

@@ -1,4 +1,4 @@
-"""D(q) against pinocchio, its definition by partial Jacobians and the notes' examples."""
+"""D(q), its partial Jacobians and energies against pinocchio, and what they keep in motion."""
 
 from dataclasses import replace
 
@@ -18,7 +18,6 @@ from dynamics.terms import (
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
-from tests.dynamics.oracle import christoffel_function, relative_error
 from tests.dynamics.samples import (
     cart_pendulum,
     pinocchio_model,
@@ -28,34 +27,11 @@ from tests.dynamics.samples import (
 )
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_equals_the_definition_by_partial_jacobians(seed: int) -> None:
-    chain = random_chain(seed, 2 + seed)
-    definition = christoffel_function(chain)
-    for q in random_state(chain, seed, 5)[0]:
-        expected = np.array(definition(q, np.zeros(chain.n))[0])
-        assert relative_error(mass_matrix(chain, q), expected) < 1e-12
-
-
 def test_motors_are_in_the_augmented_matrix_only() -> None:
     chain = random_chain(2, motors=True)
     q = random_state(chain, 0)[0]
     added = augmented_mass_matrix(chain, q) - mass_matrix(chain, q)
     np.testing.assert_allclose(added, np.broadcast_to(np.diag(chain.motor_inertia), added.shape))
-
-
-def test_textbook_examples() -> None:
-    m1, m2, l1, c1, c2, i1, i2 = 2.0, 1.5, 0.7, 0.3, 0.2, 0.05, 0.02
-    arm = planar_rr((m1, m2), (l1, 0.5), (c1, c2), (i1, i2))
-    cart = cart_pendulum(1.3, 0.4, 0.6, 0.03)
-    for q in random_state(arm, 0)[0]:
-        d12 = m2 * (c2**2 + l1 * c2 * np.cos(q[1])) + i2
-        d11 = m1 * c1**2 + m2 * (l1**2 + c2**2 + 2 * l1 * c2 * np.cos(q[1])) + i1 + i2
-        expected = [[d11, d12], [d12, i2 + m2 * c2**2]]
-        np.testing.assert_allclose(mass_matrix(arm, q), expected, atol=1e-12)
-        off = -0.4 * 0.6 * np.cos(q[1])
-        expected = [[1.7, off], [off, 0.03 + 0.4 * 0.6**2]]
-        np.testing.assert_allclose(mass_matrix(cart, q), expected, atol=1e-12)
 
 
 def swing(chain: Chain, duration: float) -> tuple[Array, Array]:
@@ -72,7 +48,7 @@ def swing(chain: Chain, duration: float) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_kinetic_energy_equals_pinocchio(seed: int) -> None:
+def test_energies_equal_pinocchios(seed: int) -> None:
     chain = random_chain(seed, motors=True)
     model = pinocchio_model(chain)
     data = model.createData()
@@ -80,6 +56,8 @@ def test_kinetic_energy_equals_pinocchio(seed: int) -> None:
     T = kinetic_energy(chain, q, qd)
     for k in range(len(q)):
         assert T[k] == pytest.approx(pin.computeKineticEnergy(model, data, q[k], qd[k]), rel=1e-12)
+        U = pin.computePotentialEnergy(model, data, q[k])
+        assert potential_energy(chain, q[k]) == pytest.approx(U, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -123,11 +101,3 @@ def test_equals_pinocchio_and_makes_the_mass_matrix(seed: int) -> None:
             D += angular[k, i].T @ R @ body.inertia @ R.T @ angular[k, i]
         M = pin.crba(model, data, at)
         np.testing.assert_allclose(np.triu(D), np.triu(M), atol=1e-11)
-
-
-def test_the_notes_planar_arm() -> None:
-    chain = planar_rr(lengths=(0.7, 0.5), centers=(0.3, 0.2))
-    linear, angular = partial_jacobians(chain, [0.0, np.pi / 2])
-    np.testing.assert_allclose(linear[0], [[0.0, 0.0], [0.3, 0.0], [0.0, 0.0]], atol=1e-15)
-    np.testing.assert_allclose(linear[1], [[-0.2, -0.2], [0.7, 0.0], [0.0, 0.0]], atol=1e-15)
-    np.testing.assert_allclose(angular[1], [[0, 0], [0, 0], [1, 1]], atol=1e-15)

@@ -24,13 +24,13 @@ from kinematics.errors import InvalidLinkName, InvalidOption
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Inertia
-from tests.dynamics.oracle import relative_error
 from tests.dynamics.samples import (
     pinocchio_model,
     planar_rr,
     random_chain,
     random_inertia,
     random_state,
+    relative_error,
 )
 
 
@@ -195,27 +195,6 @@ def test_voltage_and_torque_undo_each_other() -> None:
         np.testing.assert_allclose(motor.voltage(motor.torque(u)), u, rtol=1e-14)
 
 
-def test_the_voltage_of_a_motor_that_stands_is_the_current_times_the_resistance() -> None:
-    motor = Motor(1e-4, torque_constant=0.05, resistance=2.0, gear_ratio=100.0)
-    # 10 N m at the joint are 0.1 N m at the rotor, 2 A and 4 V.
-    assert motor.voltage(np.array(10.0)) == pytest.approx(4.0)
-
-
-def test_a_bare_rotor_has_unit_constants_and_no_friction() -> None:
-    motor = Motor(0.3)
-    assert motor.reflected_inertia == 0.3
-    assert motor.reflected_friction == 0.0
-    assert motor.torque(np.array(2.0)) == motor.voltage(np.array(2.0)) == 2.0
-
-
-def test_a_gear_reflects_by_its_square() -> None:
-    plain = Motor(1e-4, 1e-3, 0.05, 0.06, 2.0)
-    geared = Motor(1e-4, 1e-3, 0.05, 0.06, 2.0, gear_ratio=50.0)
-    assert geared.reflected_inertia == pytest.approx(2500.0 * plain.reflected_inertia)
-    assert geared.reflected_friction == pytest.approx(2500.0 * plain.reflected_friction)
-    assert plain.reflected_friction == pytest.approx(1e-3 + 0.05 * 0.06 / 2.0)
-
-
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize("value", [-1e-9, np.nan, np.inf, -np.inf])
 def test_numbers_of_no_motor_are_refused_by_name(name: str, value: float) -> None:
@@ -240,9 +219,3 @@ def test_every_joint_has_one_motor(count: int) -> None:
     with pytest.raises(InvalidOption, match=rf"{count} motor\(s\) for the 2 joints") as caught:
         attach_motors(planar_rr(), [Motor(1.0)] * count)
     assert "q1, q2" in (caught.value.hint or "")
-
-
-def test_motors_keep_the_order_of_the_joints() -> None:
-    robot = attach_motors(planar_rr(), [Motor(1.0, 0.1), Motor(2.0, 0.2, gear_ratio=10.0)])
-    np.testing.assert_allclose(robot.motor_inertia, [1.0, 200.0])
-    np.testing.assert_allclose(robot.viscous_friction, [0.1, 20.0])

@@ -17,13 +17,13 @@ from dynamics.parameters.regressor import (
 from dynamics.terms import augmented_mass_matrix, coriolis_matrix, gravity_vector
 from kinematics.errors import InvalidOption
 from kinematics.robots import builtin_chain, builtin_names
-from tests.dynamics.oracle import relative_error
 from tests.dynamics.samples import (
     cart_pendulum,
     pinocchio_model,
     planar_rr,
     random_chain,
     random_state,
+    relative_error,
 )
 
 

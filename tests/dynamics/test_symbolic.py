@@ -10,8 +10,13 @@ from dynamics.terms import gravity_vector
 from kinematics.errors import InvalidRobotState
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
-from tests.dynamics.oracle import relative_error
-from tests.dynamics.samples import cart_pendulum, planar_rr, random_chain, random_state
+from tests.dynamics.samples import (
+    cart_pendulum,
+    planar_rr,
+    random_chain,
+    random_state,
+    relative_error,
+)
 
 CHAINS = [planar_rr(), cart_pendulum(), random_chain(2, 3, motors=True), random_chain(5, 4)]
 CHAINS += [builtin_chain(name) for name in ("panda", "puma560", "stanford", "scara")]

@@ -35,6 +35,10 @@ def test_against_scipy(seed: int) -> None:
     for name, curve in expected.items():
         made = interpolate(NAMES, times, q, name, v, a)
         np.testing.assert_allclose(made.sample(at - times[0]), curve(at), atol=1e-10, rtol=1e-9)
+        assert made.duration == pytest.approx(times[-1] - times[0], rel=1e-15)
+        # scipy's own are continuous to their order.
+        for order in range({"linear": 1, "cubic": 2}.get(name, 3)):
+            assert np.abs(made.jumps(order)).max() < 1e-9 / np.diff(times).min() ** order
 
 
 def test_only_what_is_needed_must_be_given() -> None:
@@ -67,3 +71,17 @@ def test_unknown_names_are_answered_with_the_known_ones() -> None:
     with pytest.raises(InvalidOption, match="akima") as caught:
         interpolate(("a",), [0.0, 1.0], [[0.0], [1.0]], "akima")
     assert "natural_spline" in (caught.value.hint or "")
+
+
+@pytest.mark.parametrize("name", ["velocities", "accelerations"])
+@pytest.mark.parametrize("bad", [np.zeros((2, 2)), np.zeros(3), np.full((3, 1), np.nan), "x"])
+def test_malformed_derivatives_are_named(name: str, bad: Array) -> None:
+    rows = {"velocities": np.zeros((3, 1)), "accelerations": np.zeros((3, 1))} | {name: bad}
+    with pytest.raises(InvalidTrajectory, match=f"the {name} of the samples"):
+        interpolate(("a",), [0.0, 1.0, 2.0], np.zeros((3, 1)), "quintic", **rows)
+
+
+@pytest.mark.parametrize("times", [[], [0.0], [[0.0, 1.0]], [0.0, np.inf], [1.0, 0.0], [0.0, 0.0]])
+def test_times_that_do_not_increase_are_refused(times: list[float]) -> None:
+    with pytest.raises(InvalidTrajectory, match=r"two finite times|not after the one before"):
+        interpolate(("a",), times, np.zeros((len(times), 1)), "linear")
