@@ -16,11 +16,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from armwright.arm_names import *
-    from armwright.motion_names import *
+    from armwright.public_names import *
 
-#: Files whose imports are the public names; they are read, so that a name loads its module alone.
-_FILES = ("arm_names.py", "motion_names.py")
+#: File whose imports are the public names; it is read, so that a name loads its module alone.
+_FILE = "public_names.py"
 #: Packages that the library is made of, side by side with this one.
 PACKAGES = ("compiled", "kinematics", "dynamics", "obstacles", "planning", "tracking")
 
@@ -82,7 +81,6 @@ def __dir__() -> list[str]:
 @cache
 def _modules() -> dict[str, str]:
     """Module of each public name."""
-    texts = (Path(__file__).with_name(name).read_text("utf-8") for name in _FILES)
-    nodes = [node for text in texts for node in ast.parse(text).body]
-    imports = [node for node in nodes if isinstance(node, ast.ImportFrom)]
+    text = Path(__file__).with_name(_FILE).read_text("utf-8")
+    imports = [node for node in ast.parse(text).body if isinstance(node, ast.ImportFrom)]
     return {item.name: str(node.module) for node in imports for item in node.names}

@@ -186,14 +186,13 @@ from armwright_wire.motions.excitation import ExcitationRequest as ExcitationReq
 from armwright_wire.motions.export import ExportAnswer
 from armwright_wire.motions.export import ExportRequest as ExportRequest
 from armwright_wire.motions.export import KeptMotion as KeptMotion
-from armwright_wire.motions.paths import FitAnswer, SimplifyAnswer
-from armwright_wire.motions.paths import FitRequest as FitRequest
-from armwright_wire.motions.paths import SimplifyRequest as SimplifyRequest
-from armwright_wire.motions.retime import JointStateBody, RetimeAnswer
+from armwright_wire.motions.retime import FitAnswer, JointStateBody, RetimeAnswer, SimplifyAnswer
+from armwright_wire.motions.retime import FitRequest as FitRequest
 from armwright_wire.motions.retime import PathBody as PathBody
 from armwright_wire.motions.retime import RetimePath as RetimePath
 from armwright_wire.motions.retime import RetimeRequest as RetimeRequest
 from armwright_wire.motions.retime import RetimeTiming as RetimeTiming
+from armwright_wire.motions.retime import SimplifyRequest as SimplifyRequest
 from armwright_wire.motions.simulation import (
     ControllerAnswer,
     LimitUseAnswer,

@@ -22,14 +22,15 @@ from armwright_client.options.plan_options import (
     ExportOptions,
     GuardOptions,
     LyapunovOptions,
+    Options,
     PlanOptions,
     ProgramOptions,
     SimulateOptions,
     TaskOptions,
+    ToolOptions,
     TourOptions,
     ValidateOptions,
 )
-from armwright_client.options.scene_options import Options, ToolOptions
 from armwright_client.robot_endpoints import RobotEndpoints, page
 from armwright_wire.base import RowsLike, VectorLike
 from armwright_wire.goals.goal import GoalLike, Start, as_goal
@@ -37,12 +38,18 @@ from armwright_wire.motions.certificate import CertificateAnswer as Certificate
 from armwright_wire.motions.export import ExportAnswer as Export
 from armwright_wire.motions.export import ExportRequest, KeptMotion
 from armwright_wire.motions.export import Format as ExportFormat
-from armwright_wire.motions.paths import FitAnswer as Fitted
-from armwright_wire.motions.paths import FitRequest, SimplifyRequest
-from armwright_wire.motions.paths import SimplifyAnswer as Simplified
+from armwright_wire.motions.retime import FitAnswer as Fitted
+from armwright_wire.motions.retime import (
+    FitRequest,
+    PathBody,
+    RetimePath,
+    RetimeRequest,
+    RetimeTiming,
+    SimplifyRequest,
+)
 from armwright_wire.motions.retime import JointStateBody as JointState
-from armwright_wire.motions.retime import PathBody, RetimePath, RetimeRequest, RetimeTiming
 from armwright_wire.motions.retime import RetimeAnswer as Retimed
+from armwright_wire.motions.retime import SimplifyAnswer as Simplified
 from armwright_wire.motions.simulation import SimulateAnswer as Simulation
 from armwright_wire.motions.simulation import SimulateRequest
 from armwright_wire.motions.trajectory import LimitsBody as LimitValues

@@ -36,7 +36,7 @@ CHECK = Endpoint("/v1/check", "scenes.check:CheckRequest", "check.task:check")
 PLAN = Endpoint("/v1/plan", "plans.plan:PlanRequest", "plan.task:plan", long=True, keepable=True)
 VALIDATE = Endpoint("/v1/validate", "plans.plan:ValidateRequest", "plan.task:validate")
 RETIME = Endpoint("/v1/retime", "motions.retime:RetimeRequest", "retime.task:retime")
-FIT = Endpoint("/v1/paths/fit", "motions.paths:FitRequest", "retime.task:fit")
+FIT = Endpoint("/v1/paths/fit", "motions.retime:FitRequest", "retime.task:fit")
 SIMULATE = Endpoint("/v1/simulate", "motions.simulation:SimulateRequest", "simulate.task:simulate")
 REACH = Endpoint(
     "/v1/robots/{robot}/reach", "robots.reach:ReachRequest", "reach.task:reach", long=True

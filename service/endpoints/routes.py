@@ -7,12 +7,15 @@ from pydantic_core import to_json
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.motions.export import ExportAnswer, ExportRequest
-from armwright_wire.motions.paths import FitAnswer, FitRequest, SimplifyAnswer, SimplifyRequest
 from armwright_wire.motions.retime import (
     ConvertRequest,
+    FitAnswer,
+    FitRequest,
     JointTrajectoryAnswer,
     RetimeAnswer,
     RetimeRequest,
+    SimplifyAnswer,
+    SimplifyRequest,
 )
 from armwright_wire.motions.simulation import SimulateAnswer, SimulateRequest
 from armwright_wire.plans.tour import TourAnswer, TourRequest

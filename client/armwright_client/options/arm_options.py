@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Generic, Literal, TypeVar
 
-from armwright_client.options.scene_options import SceneOptions, ToolOptions
+from armwright_client.options.plan_options import SceneOptions, ToolOptions
 from armwright_wire.base import RowsLike, VectorLike
 from armwright_wire.goals.constraint import Constraints
 from armwright_wire.pose import Orientation, Pose

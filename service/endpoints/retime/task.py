@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.motions.paths import FitRequest, SimplifyRequest
-from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
+from armwright_wire.motions.retime import ConvertRequest, FitRequest, RetimeRequest, SimplifyRequest
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.export import csv_text, joint_trajectory

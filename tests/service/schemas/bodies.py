@@ -7,8 +7,7 @@ from pydantic import BaseModel
 
 from armwright_wire.motions.excitation import ExcitationRequest
 from armwright_wire.motions.export import ExportRequest
-from armwright_wire.motions.paths import FitRequest, SimplifyRequest
-from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
+from armwright_wire.motions.retime import ConvertRequest, FitRequest, RetimeRequest, SimplifyRequest
 from armwright_wire.motions.simulation import SimulateRequest
 from armwright_wire.plans.batch import BatchRequest
 from armwright_wire.plans.guard import GuardChange, GuardRequest

@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 import studio
 from armwright_client import Client
 from studio.code import all_code
-from studio.page import entries_panel, goal_panel, plan_panel
+from studio.page import entries_panel, robot_panel, task_panels
 from studio.page.panel import Text, escaped
 from studio.page.robot_panel import facts
 from studio.page.studio_page import serve_page
@@ -86,8 +86,8 @@ def texts(workbench: Workbench) -> dict[str, str]:
     }
     return entries | {
         "robot": facts(workbench.model),
-        "goal": goal_panel.describe(branches),
-        "plan": plan_panel.describe(outcome),
+        "goal": robot_panel.describe(branches),
+        "plan": task_panels.describe(outcome),
         "code": all_code(workbench.url, state, workbench.goal_tip()),
     }
 
