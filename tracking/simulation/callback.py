@@ -13,12 +13,14 @@ from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from kinematics.velocity import holding_torques
 from tracking.controllers.controller import AdaptiveController, Controller, Flow
+from tracking.simulation.compiled import empty_record, result_of
 from tracking.simulation.integrators.explicit import explicit_polynomials
+from tracking.simulation.integrators.record import EXPLICIT_STEPS, SAMPLES
 from tracking.simulation.joint_stop import add_stops, stop_arrays
 from tracking.simulation.loop import HOPELESS, RUNAWAY
-from tracking.simulation.result import SimulationOutcome, SimulationResult, settling_time
+from tracking.simulation.result import SimulationOutcome, SimulationResult
 from tracking.simulation.setup import Setup
-from tracking.tube.motion_bounds import STEP_COEFFICIENTS, bound_step, empty_bounds
+from tracking.tube.motion_bounds import STEP_COEFFICIENTS, bound_step
 
 
 class _Command(NamedTuple):
@@ -30,21 +32,6 @@ class _Command(NamedTuple):
 
 
 _Law = Callable[[float, Array], _Command]
-
-
-class _Sample(NamedTuple):
-    """One row of the result; the fields are named as there."""
-
-    times: float
-    position: Array
-    velocity: Array
-    reference_position: Array
-    reference_velocity: Array
-    torque: Array
-    saturated: NDArray[np.bool_]
-    lyapunov: float
-    lyapunov_rate: float
-    estimate: Array
 
 
 def run(setup: Setup) -> SimulationResult:
@@ -65,11 +52,11 @@ class _Loop:
         self.n = setup.robot.n
         self.segment = 0
         self.held: _Command | None = None
-        self.bounds = empty_bounds(float(setup.times[-1]), self.n, has_cells=setup.options.tube)
+        tube, states = setup.options.tube, len(setup.start)
+        self.record = empty_record(setup.times, self.n, states, has_tube=tube)
         self.reference = setup.signal.arrays()
         self.stops = stop_arrays(setup.robot, setup.options.stops)
-        self.evaluations, self.steps = 0, 0
-        self.samples: list[_Sample] = []
+        self.evaluations = 0
 
     def run(self) -> SimulationResult:
         """Integrate segment by segment: each is smooth, or holds one torque."""
@@ -81,14 +68,14 @@ class _Loop:
                 if events.called[self.segment]:
                     self.held = self.command(start, x)
                 law = self.keep
-            if not self.samples:
+            if not self.record.counters[SAMPLES]:
                 self.sample(start, x, law)
             outcome, x = self.advance(float(start), float(end), x, law)
             if outcome is not SimulationOutcome.COMPLETED:
                 break
         else:
             self.sample(float(events.times[-1]), x, law)
-        return self.result(outcome)
+        return result_of(self.setup, self.record, outcome, self.evaluations)
 
     def keep(self, _t: float, _x: Array) -> _Command:
         """The command that is held."""
@@ -164,7 +151,7 @@ class _Loop:
             failure = solver.step()
             if failure is not None or np.abs(solver.y).max() > RUNAWAY:
                 return SimulationOutcome.DIVERGED, solver.y
-            self.steps += 1
+            self.record.counters[EXPLICIT_STEPS] += 1
             self.note(before, solver, law)
         return SimulationOutcome.COMPLETED, solver.y
 
@@ -173,31 +160,32 @@ class _Loop:
         t_old, x_old = before
         times = self.setup.times[:-1]
         interpolate: Any = solver.dense_output()
-        while len(self.samples) < len(times) and times[len(self.samples)] < solver.t:
-            t = float(times[len(self.samples)])
+        counters, bounds = self.record.counters, self.record.bounds
+        while counters[SAMPLES] < len(times) and times[counters[SAMPLES]] < solver.t:
+            t = float(times[counters[SAMPLES]])
             self.sample(t, interpolate(t) if t > t_old else x_old, law)
         breaks, coefficients = self.reference
         piece = int(self.setup.events.pieces[self.segment])
         motion = np.empty((2 * self.n, STEP_COEFFICIENTS))
         explicit_polynomials(np.ascontiguousarray(interpolate.F), np.array(x_old), motion)
-        bound_step(self.bounds, coefficients[piece], breaks[piece], motion, t_old, solver.t - t_old)
+        bound_step(bounds, coefficients[piece], breaks[piece], motion, t_old, solver.t - t_old)
         # Errors of a loop in Python are summed up, not carried along: true of stable loops.
         # A step is accepted where its error, a root mean square, is at most the tolerance.
         options, n = self.setup.options, self.n
         size = np.maximum(np.abs(x_old[:n]), np.abs(solver.y[:n]))
         scale = options.absolute_tolerance + options.relative_tolerance * size
-        self.bounds.global_error[0] += np.sqrt(len(x_old)) * scale
+        bounds.global_error[0] += np.sqrt(len(x_old)) * scale
         self.note_torque(law(solver.t, solver.y).torque)
 
     def note_torque(self, torque: Array) -> None:
         """Raise the largest torque of each joint to ``torque`` (n,)."""
-        peak = self.bounds.peak_torque
+        peak = self.record.bounds.peak_torque
         np.maximum(peak, np.abs(torque), out=peak)
 
     def sample(self, t: float, x: Array, law: _Law) -> None:
         """Record one sample."""
         n = self.n
-        q, qd, estimate = x[:n], x[n : 2 * n], x[2 * n :]
+        q, qd = x[:n], x[n : 2 * n]
         reference = self.setup.signal.at(t, int(self.setup.events.pieces[self.segment]))
         command = law(t, x)
         self.note_torque(command.torque)
@@ -207,23 +195,8 @@ class _Loop:
         flow = Flow(q, qd, rate[n : 2 * n], rate[2 * n :])
         V = controller.lyapunov(q, qd, reference, robot)
         V_dot = controller.lyapunov_rate(flow, reference, robot)
-        at = reference.position, reference.velocity, command.torque, command.saturated
-        self.samples.append(_Sample(t, q, qd, *at, V, V_dot, estimate))
-
-    def result(self, outcome: SimulationOutcome) -> SimulationResult:
-        """All samples side by side."""
-        columns: dict[str, Any] = {
-            name: np.array([getattr(sample, name) for sample in self.samples])
-            for name in _Sample._fields
-        }
-        error = columns["reference_position"] - columns["position"]
-        settled = settling_time(columns["times"], error, self.setup.options.settling_tolerance)
-        return SimulationResult(
-            outcome=outcome,
-            **columns,
-            bounds=self.bounds,
-            max_tracking_error=np.maximum(self.bounds.max_error, np.abs(error).max(axis=0)),
-            settling_time=settled,
-            evaluations=self.evaluations,
-            steps=self.steps,
-        )
+        record, k = self.record, self.record.counters[SAMPLES]
+        record.states[k], record.torques[k], record.saturated[k] = x, *command[:2]
+        record.references[k] = reference.position, reference.velocity
+        record.lyapunov[k] = V, V_dot
+        record.counters[SAMPLES] += 1

@@ -46,7 +46,7 @@ def run(setup: Setup, law: Law) -> SimulationResult:
     n, N, options = setup.robot.n, len(setup.start), setup.options
     bodies(setup.robot)
     loop = _loop(setup, law)
-    record = _record(setup.times, n, N, has_tube=options.tube)
+    record = empty_record(setup.times, n, N, has_tube=options.tube)
     x = setup.start.copy()
     steps = Steps(np.zeros((ALL_STAGES, N)), np.zeros((POWERS, N)), np.zeros(N))
     tolerances = np.array([options.relative_tolerance, options.absolute_tolerance])
@@ -62,7 +62,8 @@ def run(setup: Setup, law: Law) -> SimulationResult:
     )
     if outcome == SINGULAR_MASS_MATRIX:
         raise massless(setup.robot, int(loop.flags[FAILED]) - 1)
-    return _result(setup, record, loop, _OUTCOMES.get(outcome, SimulationOutcome.COMPLETED))
+    ended = _OUTCOMES.get(outcome, SimulationOutcome.COMPLETED)
+    return result_of(setup, record, ended, int(loop.flags[EVALUATIONS]))
 
 
 def _loop(setup: Setup, law: Law) -> Loop:
@@ -95,7 +96,8 @@ def _loop(setup: Setup, law: Law) -> Loop:
     )
 
 
-def _record(times: Array, n: int, N: int, *, has_tube: bool) -> Record:
+def empty_record(times: Array, n: int, N: int, *, has_tube: bool) -> Record:
+    """A record of n joints and N states without a sample."""
     m = len(times)
     return Record(
         np.array(times),
@@ -109,9 +111,10 @@ def _record(times: Array, n: int, N: int, *, has_tube: bool) -> Record:
     )
 
 
-def _result(
-    setup: Setup, record: Record, loop: Loop, outcome: SimulationOutcome
+def result_of(
+    setup: Setup, record: Record, outcome: SimulationOutcome, evaluations: int
 ) -> SimulationResult:
+    """The samples of a run, and what is bounded over all of it."""
     n, m = setup.robot.n, int(record.counters[SAMPLES])
     x, references = record.states[:m], record.references[:m]
     error = references[:, 0] - x[:, :n]
@@ -131,7 +134,7 @@ def _result(
         bounds=record.bounds,
         max_tracking_error=np.maximum(record.bounds.max_error, np.abs(error).max(axis=0)),
         settling_time=settling_time(times, error, setup.options.settling_tolerance),
-        evaluations=int(loop.flags[EVALUATIONS]),
+        evaluations=evaluations,
         steps=int(record.counters[EXPLICIT_STEPS]),
         implicit_steps=int(record.counters[IMPLICIT_STEPS]),
     )

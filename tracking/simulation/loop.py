@@ -193,3 +193,27 @@ def lyapunov_at(loop: Loop, t: float, x: Array, rate: Array) -> tuple[float, flo
     V = lyapunov_kernel(law, space, loop.state, loop.reference, estimate)
     V_dot = lyapunov_rate_kernel(law, space, loop.state, loop.reference, estimate, rate)
     return V, V_dot
+
+
+#: Differences use half of the digits: less is rounded off, more is not linear any more.
+DIFFERENCE = 1e-8
+
+
+@kernel(allocates=False)
+def jacobian_kernel(
+    loop: Loop, t: float, x: Array, f: Array, trial: Array, rate: Array, J: Array
+) -> None:
+    """Write the Jacobian of the derivative f (N,) at x into J (N, N), by differences.
+
+    ``trial`` and ``rate`` (N,) are work arrays.
+    """
+    N = x.shape[0]
+    for j in range(N):
+        trial[j] = x[j]
+    for j in range(N):
+        trial[j] = x[j] + DIFFERENCE * max(1.0, abs(x[j]))
+        step = trial[j] - x[j]
+        rate_kernel(loop, t, trial, rate)
+        trial[j] = x[j]
+        for i in range(N):
+            J[i, j] = (rate[i] - f[i]) / step

@@ -113,12 +113,12 @@ def explicit_dense(loop: Loop, steps: Steps, t: float, h: float, x: Array, end: 
 
 @kernel
 def explicit_polynomials(F: Array, x: Array, out: Array) -> None:
-    """Write the dense output as powers of the part of the step that has passed into out (2 n, 8).
+    """Write the dense output as powers of the part of the step that has passed into out (k, 8).
 
     Args:
         F: The dense output, shape (7, N).
         x: State at the start of the step, shape (N,).
-        out: Coefficients of the first 2 n states.
+        out: Coefficients of the first k states.
     """
     for i in range(out.shape[0]):
         c = out[i]
@@ -132,14 +132,3 @@ def explicit_polynomials(F: Array, x: Array, out: Array) -> None:
             if k % 2 == 0:
                 c[0] = 0.0
         c[0] += x[i]
-
-
-@kernel(allocates=False)
-def explicit_interpolate(steps: Steps, x: Array, place: float, out: Array) -> None:
-    """The state at a part ``place`` of the step from x, from the dense output, into out (N,)."""
-    for i in range(out.shape[0]):
-        y = 0.0
-        for k in range(POWERS):
-            y += steps.F[POWERS - 1 - k, i]
-            y *= place if k % 2 == 0 else 1.0 - place
-        out[i] = x[i] + y

@@ -22,10 +22,16 @@ from numpy.typing import NDArray
 from compiled.kernel import kernel
 from compiled.linear_solve import lu_factor_kernel, lu_solve_kernel
 from kinematics.arrays import Array
-from tracking.simulation.loop import EVALUATIONS, HELD, Loop, command_kernel, rate_kernel
+from tracking.simulation.loop import (
+    DIFFERENCE,
+    EVALUATIONS,
+    HELD,
+    Loop,
+    command_kernel,
+    jacobian_kernel,
+    rate_kernel,
+)
 
-#: Differences use half of the digits.
-_DIFFERENCE = 1e-8
 #: Rounding of a step, as part of the state.
 ROUNDING = 1e-15
 #: Allowance for terms of second order and for what a Jacobian in the middle of a step misses.
@@ -136,17 +142,9 @@ def set_jacobian(loop: Loop, carrier: ErrorCarrier, t: float, x: Array) -> float
         How fast the loop is [1/s]: the root of its largest row sum, or its largest diagonal entry.
     """
     N = x.shape[0]
-    trial, rate, base = carrier.vectors[0], carrier.vectors[1], carrier.vectors[2]
-    for i in range(N):
-        trial[i] = x[i]
+    base = carrier.vectors[2]
     rate_kernel(loop, t, x, base)
-    for j in range(N):
-        trial[j] = x[j] + _DIFFERENCE * max(1.0, abs(x[j]))
-        step = trial[j] - x[j]
-        rate_kernel(loop, t, trial, rate)
-        trial[j] = x[j]
-        for i in range(N):
-            carrier.J[i, j] = (rate[i] - base[i]) / step
+    jacobian_kernel(loop, t, x, base, carrier.vectors[0], carrier.vectors[1], carrier.J)
     speed = 0.0
     for i in range(N):
         row = 0.0
@@ -172,7 +170,7 @@ def begin_call(loop: Loop, carrier: ErrorCarrier, t: float, x: Array, weights: A
     for i in range(N):
         trial[i] = x[i]
     for j in range(N):
-        trial[j] = x[j] + _DIFFERENCE * max(1.0, abs(x[j]))
+        trial[j] = x[j] + DIFFERENCE * max(1.0, abs(x[j]))
         step = trial[j] - x[j]
         command_kernel(loop, t, trial, moved)
         trial[j] = x[j]
@@ -185,7 +183,7 @@ def begin_call(loop: Loop, carrier: ErrorCarrier, t: float, x: Array, weights: A
             drive[i, k] = 1.0 if i == k and i >= 2 * n else 0.0
     for k in range(n):
         torque = loop.command[k]
-        loop.command[k] = torque + max(1.0, abs(torque)) * _DIFFERENCE
+        loop.command[k] = torque + max(1.0, abs(torque)) * DIFFERENCE
         step = loop.command[k] - torque
         rate_kernel(loop, t, x, rate)
         loop.command[k] = torque

@@ -88,24 +88,6 @@ def stages(N: int) -> Stages:
     )
 
 
-@kernel(inline="always")
-def jacobian(loop: Loop, stages: Stages, t: float, x: Array, f: Array) -> None:
-    """Write the Jacobian of the derivative f (N,) at x into ``stages.J`` by differences."""
-    N = x.shape[0]
-    trial, rate = stages.vectors[0], stages.vectors[1]
-    for j in range(N):
-        trial[j] = x[j]
-    for j in range(N):
-        # Half of the digits: less is rounded off, more is not linear any more.
-        step = 1e-8 * max(1.0, abs(x[j]))
-        trial[j] = x[j] + step
-        step = trial[j] - x[j]
-        rate_kernel(loop, t, trial, rate)
-        trial[j] = x[j]
-        for i in range(N):
-            stages.J[i, j] = (rate[i] - f[i]) / step
-
-
 @kernel(allocates=False)
 def factor_all(stages: Stages, h: float) -> bool:
     """Factor (gamma / h) E - J for both eigenvalues gamma."""
@@ -227,25 +209,13 @@ def scaled_error(error: Array, x: Array, end: Array, tolerances: Array) -> float
 
 
 @kernel(allocates=False)
-def implicit_interpolate(stages: Stages, x: Array, place: float, out: Array) -> None:
-    """The state at a part ``place`` of the step from x: the collocation polynomial, into out."""
-    a, b = _NODES[0], _NODES[1]
-    first = place * (place - b) * (place - 1.0) / (a * (a - b) * (a - 1.0))
-    second = place * (place - a) * (place - 1.0) / (b * (b - a) * (b - 1.0))
-    third = place * (place - a) * (place - b) / ((1.0 - a) * (1.0 - b))
-    for i in range(out.shape[0]):
-        Z = stages.Z
-        out[i] = x[i] + first * Z[0, i] + second * Z[1, i] + third * Z[2, i]
-
-
-@kernel(allocates=False)
 def implicit_polynomials(stages: Stages, x: Array, out: Array) -> None:
     """Write the collocation polynomial as powers of the part of the step that has passed.
 
     Args:
         stages: Stages of the step.
         x: State at the start of the step, shape (N,).
-        out: Coefficients of the first 2 n states, shape (2 n, 8).
+        out: Coefficients of all states, shape (N, 8).
     """
     a, b = _NODES[0], _NODES[1]
     A, B, C = a * (a - b) * (a - 1.0), b * (b - a) * (b - 1.0), (1.0 - a) * (1.0 - b)

@@ -6,7 +6,12 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array
 from tracking.simulation.integrators.explicit import STABILITY, STAGES, Steps, explicit_step
 from tracking.simulation.integrators.global_error import begin_call
-from tracking.simulation.integrators.implicit import Stages, factor_all, implicit_step, jacobian
+from tracking.simulation.integrators.implicit import (
+    Stages,
+    factor_all,
+    implicit_polynomials,
+    implicit_step,
+)
 from tracking.simulation.integrators.record import (
     EXPLICIT_STEPS,
     IMPLICIT_STEPS,
@@ -15,8 +20,8 @@ from tracking.simulation.integrators.record import (
     Scratch,
     note_step,
     sample,
-    sample_explicit,
-    sample_implicit,
+    sample_within,
+    write_motion,
 )
 from tracking.simulation.loop import (
     DISTURBED,
@@ -27,6 +32,7 @@ from tracking.simulation.loop import (
     RUNAWAY,
     Loop,
     command_kernel,
+    jacobian_kernel,
     rate_kernel,
 )
 from tracking.simulation.setup import Events
@@ -166,7 +172,8 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
             tried = left if h >= left else (min(h, 0.5 * left))
             if is_stiff:
                 if not has_jacobian:
-                    jacobian(loop, stages, t, x, steps.K[0])
+                    trial, rate = stages.vectors[0], stages.vectors[1]
+                    jacobian_kernel(loop, t, x, steps.K[0], trial, rate, stages.J)
                     has_jacobian, factored = True, 0.0
                 if factored != tried:
                     if not factor_all(stages, tried):
@@ -197,9 +204,10 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
             if _has_run_away(end):
                 return DIVERGED
             if is_stiff:
-                sample_implicit(loop, stages, record, scratch, x, t, tried, after)
+                implicit_polynomials(stages, x, scratch.motion)
             else:
-                sample_explicit(loop, steps, record, scratch, x, t, tried, after)
+                write_motion(loop, steps, record, scratch, x, t, tried, after)
+            sample_within(loop, record, scratch, x, t, tried, after)
             note_step(loop, record, scratch, x, t, tried, error)
             growth = _MAX_GROWTH if error == 0.0 else min(_MAX_GROWTH, _SAFETY * error**-power)
             h = tried * max(_MAX_SHRINK, min(growth, 1.0) if rejected else growth)

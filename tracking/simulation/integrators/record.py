@@ -11,7 +11,6 @@ from tracking.simulation.integrators.explicit import (
     STAGES,
     Steps,
     explicit_dense,
-    explicit_interpolate,
     explicit_polynomials,
 )
 from tracking.simulation.integrators.global_error import (
@@ -19,11 +18,6 @@ from tracking.simulation.integrators.global_error import (
     ErrorCarrier,
     carry_errors,
     error_carrier,
-)
-from tracking.simulation.integrators.implicit import (
-    Stages,
-    implicit_interpolate,
-    implicit_polynomials,
 )
 from tracking.simulation.loop import HELD, PIECE, Loop, command_kernel, lyapunov_at
 from tracking.tube.motion_bounds import (
@@ -77,7 +71,7 @@ class Scratch(NamedTuple):
         between: State within it, shape (N,).
         command: Torque and rate of the estimate, shape (n + b,).
         rate: Time derivative of the state, shape (N,).
-        motion: Positions and velocities over a step as polynomials, shape (2 n, 8).
+        motion: The state over a step as polynomials, shape (N, 8).
         nodes: States at ``SHARES`` of a step, shape (NODES, N).
         torques: Torques there, shape (NODES, n).
         errors: Errors of the integrator on their way.
@@ -107,7 +101,7 @@ def scratch(start: Array, n: int, tolerances: Array, *, has_tube: bool) -> Scrat
         has_tube: Whether errors are carried along for a tube.
     """
     N, allowed = len(start), tolerances[1] + tolerances[0] * np.maximum(1.0, np.abs(start))
-    motion = np.empty((2 * n, STEP_COEFFICIENTS))
+    motion = np.empty((N, STEP_COEFFICIENTS))
     errors = error_carrier(N, N - n, is_kept=has_tube)
     return Scratch(
         np.empty(N),
@@ -148,7 +142,7 @@ def sample(loop: Loop, record: Record, t: float, x: Array, scratch: Scratch) -> 
 
 
 @kernel(allocates=False)
-def sample_explicit(
+def write_motion(
     loop: Loop,
     steps: Steps,
     record: Record,
@@ -158,37 +152,20 @@ def sample_explicit(
     h: float,
     after: float,
 ) -> None:
-    """Record the samples due before ``after`` in an explicit step h from time t and state x.
-
-    The motion over the step is left in ``scratch.motion``; so it is by ``sample_implicit``.
-    """
-    has_tube, is_held = scratch.errors.is_kept, loop.flags[HELD] != 0
+    """Write the motion over an explicit step h from time t and state x into ``scratch.motion``."""
     is_due = record.times[record.counters[SAMPLES]] < after
-    if is_held and not has_tube and not is_due and h <= _SHORT_HELD_STEP:
-        hermite_polynomials(steps.K[0], steps.K[STAGES], h, x, scratch.end, scratch.motion)
+    is_short = loop.flags[HELD] != 0 and h <= _SHORT_HELD_STEP
+    if is_short and not scratch.errors.is_kept and not is_due:
+        n = 2 * loop.limit.shape[0]
+        hermite_polynomials(steps.K[0], steps.K[STAGES], h, x, scratch.end, scratch.motion[:n])
         return
     explicit_dense(loop, steps, t, h, x, scratch.end)
     explicit_polynomials(steps.F, x, scratch.motion)
-    if has_tube:
-        for k in range(NODES):
-            explicit_interpolate(steps, x, SHARES[k], scratch.nodes[k])
-    while (
-        record.counters[SAMPLES] < record.times.shape[0] - 1
-        and record.times[record.counters[SAMPLES]] < after
-    ):
-        at = record.times[record.counters[SAMPLES]]
-        share = (at - t) / h
-        if share <= 0.0:
-            sample(loop, record, at, x, scratch)
-            continue
-        explicit_interpolate(steps, x, share, scratch.between)
-        sample(loop, record, at, scratch.between, scratch)
 
 
 @kernel(allocates=False)
-def sample_implicit(
+def sample_within(
     loop: Loop,
-    stages: Stages,
     record: Record,
     scratch: Scratch,
     x: Array,
@@ -196,11 +173,10 @@ def sample_implicit(
     h: float,
     after: float,
 ) -> None:
-    """Record the samples due before ``after`` in an implicit step h from time t and state x."""
-    implicit_polynomials(stages, x, scratch.motion)
+    """Record the samples due before ``after`` in a step h from time t and state x."""
     if scratch.errors.is_kept:
         for k in range(NODES):
-            implicit_interpolate(stages, x, SHARES[k], scratch.nodes[k])
+            state_at(scratch.motion, SHARES[k], scratch.nodes[k])
     while (
         record.counters[SAMPLES] < record.times.shape[0] - 1
         and record.times[record.counters[SAMPLES]] < after
@@ -210,8 +186,18 @@ def sample_implicit(
         if share <= 0.0:
             sample(loop, record, at, x, scratch)
             continue
-        implicit_interpolate(stages, x, share, scratch.between)
+        state_at(scratch.motion, share, scratch.between)
         sample(loop, record, at, scratch.between, scratch)
+
+
+@kernel(allocates=False)
+def state_at(motion: Array, share: float, out: Array) -> None:
+    """Write the state at a part of a step, by its polynomials (N, 8), into out (N,)."""
+    for i in range(out.shape[0]):
+        value = 0.0
+        for k in range(motion.shape[1] - 1, -1, -1):
+            value = value * share + motion[i, k]
+        out[i] = value
 
 
 @kernel(allocates=False)
@@ -231,7 +217,8 @@ def note_step(
     """
     piece, N = loop.flags[PIECE], x.shape[0]
     bounds, tolerances = record.bounds, scratch.tolerances
-    bound_step(bounds, loop.coefficients[piece], loop.breaks[piece], scratch.motion, t, h)
+    motion = scratch.motion[: 2 * loop.limit.shape[0]]
+    bound_step(bounds, loop.coefficients[piece], loop.breaks[piece], motion, t, h)
     if not scratch.errors.is_kept:
         return
     allowed = scratch.between

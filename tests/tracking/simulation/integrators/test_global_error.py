@@ -17,7 +17,7 @@ from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.controller import Controller
 from tracking.controllers.independent_joint import IndependentJoint
 from tracking.controllers.model_based import ComputedTorque, PdGravity
-from tracking.simulation.compiled import _loop, _record
+from tracking.simulation.compiled import _loop, empty_record
 from tracking.simulation.integrators.explicit import ALL_STAGES, POWERS, Steps
 from tracking.simulation.integrators.global_error import (
     LOST,
@@ -98,7 +98,7 @@ def carried(
     tolerances = np.array([1e-13, 1e-13])
     work = scratch(setup.start, 1, tolerances, has_tube=True)
     work.errors.P[:] = first
-    record = _record(setup.times, 1, 2, has_tube=True)
+    record = empty_record(setup.times, 1, 2, has_tube=True)
     steps = Steps(np.zeros((ALL_STAGES, 2)), np.zeros((POWERS, 2)), np.zeros(2))
     x = setup.start.copy()
     run_kernel(_loop(setup, law), setup.events, steps, stages(2), record, work, 1_000_000, x)
