@@ -1,5 +1,6 @@
 """Configurations of the goals of a tour: every branch that is free, or why there is none."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,22 +26,36 @@ from planning.values.deadline import Deadline
 
 
 class Configurations(NamedTuple):
-    """Free configurations of one goal.
+    """Free configurations of one stop of a tour.
 
     Args:
         joints: Shape (k, n) [rad or m].
         alternatives: Number of the alternative each of them reaches, k numbers.
         clearances: Clearances of each of them, margins taken off, shape (k,) [m].
+        posed: Whether each of them is of a pose, not asked for as joints, shape (k,).
     """
 
     joints: Array
     alternatives: tuple[int, ...]
     clearances: Array
+    posed: NDArray[np.bool_]
 
-    def posed(self, goal: TourGoal) -> NDArray[np.bool_]:
-        """Whether each of them is of a pose, not asked for as joints, shape (k,)."""
-        poses = [isinstance(goal.alternatives[number], PoseGoal) for number in self.alternatives]
-        return np.array(poses, dtype=np.bool_)
+
+class _Found(NamedTuple):
+    """A free configuration (n,), the number of its alternative, and its clearance [m]."""
+
+    joints: Array
+    alternative: int
+    clearance: float
+
+
+def _together(goal: TourGoal, found: Sequence[_Found]) -> Configurations:
+    """Configurations of a goal as arrays."""
+    joints, alternatives, clearances = zip(*found, strict=True)
+    posed = [isinstance(goal.alternatives[number], PoseGoal) for number in alternatives]
+    return Configurations(
+        np.array(joints), alternatives, np.array(clearances), np.array(posed, dtype=np.bool_)
+    )
 
 
 def find_configurations(
@@ -57,9 +72,7 @@ def find_configurations(
         seed: Seed of inverse kinematics.
         deadline: Time at which to check no more alternatives.
     """
-    rows: list[Array] = []
-    alternatives: list[int] = []
-    clearances: list[float] = []
+    found: list[_Found] = []
     for number, alternative in enumerate(goal.alternatives):
         if isinstance(alternative, JointGoal):
             q, violation = goal_onto_limits(
@@ -72,22 +85,17 @@ def find_configurations(
             if end_violation(problem.constraints, "goal", q) is not None:
                 continue
             # Configurations nearer than this in every joint are the same [rad or m].
-            if any(np.abs(q - other).max() <= 1e-6 for other in rows):
+            if any(np.abs(q - other.joints).max() <= 1e-6 for other in found):
                 continue
             clearance = checker.clearance(q)[0]
             if clearance > TOUCHING:
-                rows.append(q)
-                alternatives.append(number)
-                clearances.append(clearance)
+                found.append(_Found(q, number, clearance))
     # Configurations of one goal: more hardly shorten a tour.
     most = max(min(32, MAX_CONFIGURATIONS // len(problem.goals)), 1)
-    if rows:
-        chosen = _inside_first(problem.robot.chain, np.array(rows), near, most)
-        return Configurations(
-            np.array([rows[k] for k in chosen]),
-            tuple(alternatives[k] for k in chosen),
-            np.array(clearances)[chosen],
-        )
+    if found:
+        joints = np.array([one.joints for one in found])
+        chosen = _inside_first(problem.robot.chain, joints, near, most)
+        return _together(goal, [found[k] for k in chosen])
     return _search_around_obstacles(problem, goal, checker, near, seed, deadline)
 
 
@@ -96,9 +104,7 @@ def _search_around_obstacles(
     deadline: Deadline,
 ) -> Configurations | Failure:  # fmt: skip
     """Configurations of a goal found with the obstacles in sight, or why there is none."""
-    rows: list[Array] = []
-    numbers: list[int] = []
-    clearances: list[float] = []
+    found: list[_Found] = []
     failures: list[Failure] = []
     for number, alternative in enumerate(goal.alternatives):
         single = Problem(
@@ -115,12 +121,8 @@ def _search_around_obstacles(
             if violation is not None:
                 failures.append(violation)
             else:
-                rows.append(candidate.joints)
-                numbers.append(number)
-                clearances.append(candidate.clearance)
-    if not rows:
-        return failures[0]
-    return Configurations(np.array(rows), tuple(numbers), np.array(clearances))
+                found.append(_Found(candidate.joints, number, candidate.clearance))
+    return _together(goal, found) if found else failures[0]
 
 
 def _of_pose(

@@ -26,6 +26,7 @@ from planning.proof.certificate import certify
 from planning.result import Failure
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.rest_to_rest import Times, rest_to_rest_kernel
+from planning.tours.configurations import Configurations
 from planning.tours.problem import TourProblem
 from planning.tours.result import Leg
 from planning.values.deadline import Deadline
@@ -78,21 +79,7 @@ class VisitCosts(NamedTuple):
             times[a] = row
 
 
-class StopConfigurations(NamedTuple):
-    """Configurations of one stop of a tour.
-
-    Args:
-        joints: Shape (k, n) [rad or m].
-        posed: Whether each of them is of a pose, shape (k,).
-        clearances: Margins taken off, shape (k,) [m].
-    """
-
-    joints: Array
-    posed: NDArray[np.bool_]
-    clearances: Array
-
-
-def visit_costs(chain: Chain, costs: GoalCosts, stops: Sequence[StopConfigurations]) -> VisitCosts:
+def visit_costs(chain: Chain, costs: GoalCosts, stops: Sequence[Configurations]) -> VisitCosts:
     """Costs of configurations of stops, those of one stop after those of another.
 
     What is asked for as joints alone costs nothing.
@@ -104,14 +91,13 @@ def visit_costs(chain: Chain, costs: GoalCosts, stops: Sequence[StopConfiguratio
     """
     scale = 1.0 / time_weight(costs)
     own, at_limit, posed = [], [], []
-    for joints, of_pose, clearances in stops:
-        weigh = bool(of_pose.any())
-        cost = np.zeros(len(joints))
+    for stop in stops:
+        weigh, cost = bool(stop.posed.any()), np.zeros(len(stop.joints))
         if weigh:
-            cost = scale * configuration_costs(chain, joints, costs, clearances)
+            cost = scale * configuration_costs(chain, stop.joints, costs, stop.clearances)
         own.append(cost)
-        at_limit.append(of_pose & is_at_limit(chain, joints))
-        posed.append(np.full(len(joints), weigh))
+        at_limit.append(stop.posed & is_at_limit(chain, stop.joints))
+        posed.append(np.full(len(stop.joints), weigh))
     return VisitCosts(
         np.concatenate(own), np.concatenate(at_limit), scale * costs.turns, np.concatenate(posed)
     )
@@ -179,6 +165,7 @@ class LegTable:
         joints: Configurations of all stops, shape (m, n) [rad or m].
         group: Number of the group of each configuration, shape (m,).
         grouped: Whether goals are in groups.
+        costs: Costs of configurations beside the times of legs.
         real: Whether each of them is one; a free end has a row of zeros, shape (m,).
         times: Times of straight motions at first, then as known so far, with what configurations
             cost and those between groups, shape (m, m) [s].
@@ -187,7 +174,6 @@ class LegTable:
         legs: Proved legs.
         failures: Legs that were planned in vain.
         clearances: Clearances of configurations that were asked for, margins taken off [m].
-        costs: Costs of configurations beside the times of legs; None for nothing.
     """
 
     problem: TourProblem
@@ -199,18 +185,16 @@ class LegTable:
     real: Array
     grouped: bool
     times: Times
+    costs: VisitCosts
     free: set[Pair] = field(default_factory=set)
     blocked: set[Pair] = field(default_factory=set)
     legs: dict[Pair, Leg] = field(default_factory=dict)
     failures: dict[Pair, Failure] = field(default_factory=dict)
     clearances: dict[int, float] = field(default_factory=dict)
-    costs: VisitCosts | None = None
 
     def __post_init__(self) -> None:
         self.options = replace(self.options, observer=None)
-        if self.costs is not None:
-            chain = self.problem.robot.chain
-            self.costs.put_into(self.times, chain, self.joints, self.real)
+        self.costs.put_into(self.times, self.problem.robot.chain, self.joints, self.real)
         if self.grouped:
             self.times += np.float32(_BETWEEN_GROUPS) * (self.group[:, None] != self.group[None])
 
@@ -220,7 +204,7 @@ class LegTable:
 
     def time(self, a: int, b: int) -> float:
         """Time of the leg between two configurations, as known so far [s]."""
-        return (float(self.times[a, b]) - self._extra_seconds(a, b)) / self._factor(a, b)
+        return (float(self.times[a, b]) - self._extra_seconds(a, b)) / self.costs.factor(a, b)
 
     def straight_time(self, start: Array, end: Array) -> float:
         """Time of the straight motion between configurations (n,), whether free or not [s]."""
@@ -233,22 +217,17 @@ class LegTable:
 
     def set_time(self, a: int, b: int, seconds: float) -> None:
         """Note the time of the leg between two configurations, either way [s]."""
-        counts = self._factor(a, b) * seconds + self._extra_seconds(a, b)
+        counts = self.costs.factor(a, b) * seconds + self._extra_seconds(a, b)
         self.times[a, b] = self.times[b, a] = counts
 
     def cost(self, a: int, b: int) -> float:
         """Time of a leg with what its ends cost, as known so far, those between groups left out."""
         return float(self.times[a, b]) - self._between(a, b)
 
-    def _factor(self, a: int, b: int) -> float:
-        return 1.0 if self.costs is None else self.costs.factor(a, b)
-
     def _extra_seconds(self, a: int, b: int) -> float:
         """Seconds that count beside the time of the leg between two configurations."""
-        extra = self._between(a, b)
-        if self.costs is not None:
-            extra += self.costs.extra(self.problem.robot.chain, self.joints, a, b)
-        return extra
+        own = self.costs.extra(self.problem.robot.chain, self.joints, a, b)
+        return self._between(a, b) + own
 
     def _between(self, a: int, b: int) -> float:
         return _BETWEEN_GROUPS if self.grouped and self.group[a] != self.group[b] else 0.0
@@ -356,8 +335,7 @@ class LegTable:
         for known in (self.legs, self.failures, self.free, self.blocked):
             for pair in [pair for pair in known if k in pair]:
                 known.pop(pair) if isinstance(known, dict) else known.discard(pair)
-        if self.costs is not None:
-            self.costs.at_limit[k] = False
+        self.costs.at_limit[k] = False
 
     def _reverse(self, leg: Leg, deadline: Deadline) -> Leg | None:
         """A leg run backwards, proved anew; None where it is not proved, nor are its stops."""

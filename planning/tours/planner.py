@@ -14,7 +14,7 @@ from planning.problem import JointGoal, Problem
 from planning.result import Failure
 from planning.timing.choice import chosen_parametrization
 from planning.tours.configurations import Configurations, find_configurations
-from planning.tours.legs import LegTable, StopConfigurations, VisitCosts, least_times, visit_costs
+from planning.tours.legs import LegTable, least_times, visit_costs
 from planning.tours.problem import TourOptions, TourProblem, goal_pairs
 from planning.tours.result import Tour, Unvisited
 from planning.tours.search import Stops, TourSearch
@@ -223,11 +223,13 @@ class _TourPlanner:
         """Stops and the legs between them; a failure where time is up before."""
         n = self.problem.robot.chain.n
         goals = tuple(found)
-        rows = [found[i].joints for i in goals]
-        rows += [np.zeros((1, n)) if q is None else q[None, :] for q in ends]
-        counts = [len(part) for part in rows]
+        parts = list(found.values())
+        for q in ends:
+            row = np.zeros((1, n)) if q is None else q[None, :]
+            parts.append(Configurations(row, (0,), np.zeros(1), np.zeros(1, np.bool_)))
+        counts = [len(part.joints) for part in parts]
         first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        joints = np.ascontiguousarray(np.vstack(rows))
+        joints = np.ascontiguousarray(np.vstack([part.joints for part in parts]))
         real = np.ones(len(joints))
         real[-2:] = [q is not None for q in ends]
         stops = Stops(goals, first, tuple(found[i].alternatives for i in goals))
@@ -249,21 +251,9 @@ class _TourPlanner:
             self.problem, planning, parametrization, self.checker, joints,
             np.repeat(groups, counts), real,
             any(goal.group is not None for goal in self.problem.goals), times,
-            costs=self._costs(found, rows[-2:]),
+            visit_costs(chain, planning.goal_costs, parts),
         )  # fmt: skip
         return stops, legs
-
-    def _costs(self, found: dict[int, Configurations], ends: Sequence[Array]) -> VisitCosts | None:
-        """Costs of the configurations of all stops, the two ends last; None without a pose."""
-        stops = [
-            StopConfigurations(one.joints, one.posed(self.problem.goals[i]), one.clearances)
-            for i, one in found.items()
-        ]
-        if not any(stop.posed.any() for stop in stops):
-            return None
-        stops += [StopConfigurations(q, np.zeros(1, np.bool_), np.zeros(1)) for q in ends]
-        chain, weights = self.problem.robot.chain, self.options.planning.goal_costs
-        return visit_costs(chain, weights, stops)
 
 
 def _end_note(problem: TourProblem, tour: Tour) -> str:

@@ -1,7 +1,8 @@
 """Tours to be planned: goals with alternatives, an order that some of them need, two ends."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 from typing import Literal
 
 import numpy as np
@@ -194,12 +195,12 @@ def check_order(names: Sequence[str], groups: Sequence[str | None], precedence: 
                     f"precedence[{i}] names {name!r}, which is neither a goal nor a group",
                     hint="Name goals by their id, or by their number as a string without ids.",
                 )
-    cycle = find_cycle(_contracted(names, groups, goal_pairs(names, groups, precedence)))
+    cycle = _cycle(names, groups, goal_pairs(names, groups, precedence))
     if cycle:
         raise InvalidGoal(
             f"no order keeps the precedence: {' before '.join(cycle)}",
             hint="Remove one pair of the cycle; goals of a group are visited one after another.",
-            cycle=cycle,
+            cycle=list(cycle),
         )
 
 
@@ -220,35 +221,6 @@ def goal_pairs(
             members.setdefault(group, []).append(i)
     pairs = {(a, b) for x, y in precedence for a in members[x] for b in members[y]}
     return sorted(pairs)
-
-
-def find_cycle(followers: Mapping[str, Iterable[str]]) -> list[str]:
-    """Names along a cycle, its first one again at the end; empty where there is none.
-
-    Args:
-        followers: Names that come after each name.
-    """
-    finished: set[str] = set()
-    for root in followers:
-        path: list[str] = []
-        on_path: set[str] = set()
-        stack = [(root, False)]
-        while stack:
-            name, leaves = stack.pop()
-            if leaves:
-                path.pop()
-                on_path.discard(name)
-                finished.add(name)
-                continue
-            if name in on_path:
-                return [*path[path.index(name) :], name]
-            if name in finished:
-                continue
-            path.append(name)
-            on_path.add(name)
-            stack.append((name, True))
-            stack.extend((other, False) for other in followers.get(name, ()))
-    return []
 
 
 def precedence_table(pairs: Sequence[tuple[int, int]], stops: int) -> tuple[Indices, Indices]:
@@ -274,15 +246,21 @@ def group_numbers(groups: Sequence[str | None]) -> Indices:
     return np.array(answer, dtype=np.int64)
 
 
-def _contracted(
+def _cycle(
     names: Sequence[str], groups: Sequence[str | None], pairs: Sequence[tuple[int, int]]
-) -> dict[str, list[str]]:
-    """Followers of goals inside their groups, and of groups among each other, by name."""
-    followers: dict[str, list[str]] = {}
+) -> Sequence[str]:
+    """Names along a cycle of goals inside their groups, or of groups among each other.
+
+    The first one stands at the end again; empty where there is none.
+    """
+    order: TopologicalSorter[str] = TopologicalSorter()
     for a, b in pairs:
-        if groups[a] is not None and groups[a] == groups[b]:
-            before, after = names[a], names[b]
-        else:
-            before, after = groups[a] or names[a], groups[b] or names[b]
-        followers.setdefault(before, []).append(after)
-    return followers
+        inside = groups[a] is not None and groups[a] == groups[b]
+        before, after = (names[k] if inside else groups[k] or names[k] for k in (a, b))
+        order.add(before)
+        order.add(after, before)
+    try:
+        order.prepare()
+    except CycleError as found:
+        return tuple(found.args[1])
+    return ()

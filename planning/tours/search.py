@@ -354,8 +354,6 @@ class TourSearch:
 
     def _free_ends(self) -> float:
         """Costs of the first and last visits beside their legs, where an end is any goal."""
-        if self.legs.costs is None:
-            return 0.0
         visited = self.visited()
         ends = [visited[k] for k in (0, -1) if visited[k] < len(self.stops.goals)]
         return 0.5 * sum(float(self.legs.costs.own[self.configuration(stop)]) for stop in ends)
@@ -509,7 +507,7 @@ class TourSearch:
             before: The configuration before it; None where the tour begins at it.
         """
         now, costs = self.configuration(stop), self.legs.costs
-        if costs is None or not costs.posed[now]:
+        if not costs.posed[now]:
             return None
         rows = np.arange(int(self.stops.first[stop]), int(self.stops.first[stop + 1]))
         found, chain = self.legs.joints[rows], self.problem.robot.chain
@@ -530,8 +528,6 @@ def avoid_limits(search: "TourSearch") -> bool:
         search: Search whose state is the best tour; it is changed, and so is what was replaced.
     """
     costs, any_changed, changed = search.legs.costs, False, True
-    if costs is None:
-        return False
     # Each replacement leaves one visit fewer at a limit: this ends.
     while changed and not search.deadline.passed:
         stops = [k for k in search.visited() if costs.at_limit[search.configuration(k)]]
