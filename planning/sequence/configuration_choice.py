@@ -167,7 +167,7 @@ class LimitAvoidance:
             leaf = self._with(depth, target, q)
             if leaf is None or not self._fewer_at_limit(leaf):
                 continue
-            steps, known = leaf.all_steps, self.leaf.all_steps
+            steps = leaf.all_steps
             changed = [k for k, step in enumerate(steps) if step.plan is None]
             before = sum(self.stages[k].trajectory.duration for k in changed)
             if sum(steps[k].least_time for k in changed) > MAX_LONGER * before:
@@ -179,9 +179,7 @@ class LimitAvoidance:
             stages = pass_ends(self.cells, steps, self.deadline)
             longer = total_duration(stages) - total_duration(self.stages)
             if longer <= (MAX_LONGER - 1.0) * before:
-                number = known[changed[0]].index
-                segment = self.task.segments[depth - 1]
-                number = segment.target if segment.target is not None else number
+                number = self.task.segments[depth - 1].target
                 self.replaced[number] = Replacement(before, before + longer)
                 self.leaf, self.stages = leaf, stages
                 return True
@@ -210,8 +208,6 @@ class LimitAvoidance:
         node, parent = path[depth], path[depth - 1]
         segment = self.task.segments[depth - 1]
         k, begin = segment.target, parent.onward_joints
-        assert k is not None
-        assert begin is not None
         world = before_target(self.task, segment, parent)
         assert node.target is not None
         any_target = isinstance(self.task.stages[k], Move)
@@ -257,7 +253,7 @@ class LimitAvoidance:
             if not isinstance(child, Node):
                 return None
             child.cost, child.expanded = path[k].cost, path[k].expanded
-            if path[k].onward_joints is not None:
+            if path[k].expanded:
                 stopped = onward_steps(task, self.cells, child, task.segments[k], self.deadline)
                 if isinstance(stopped, tuple) and isinstance(stopped[1], LineStopped):
                     return None
@@ -271,7 +267,6 @@ class LimitAvoidance:
     def _choice(self, node: Node, depth: int, parent: Node) -> tuple[Target, Array]:
         """Target and configuration of a node, under a parent whose rests may be others."""
         number = self.task.segments[depth - 1].target
-        assert number is not None
         assert node.target is not None
         stage = self.task.stages[number]
         if isinstance(stage, Move) and stage.to_end_of is not None:
@@ -285,7 +280,7 @@ class LimitAvoidance:
         """The plans of the stages, those of poses with the configuration that was chosen."""
         chosen: dict[int, ChosenConfiguration] = {}
         for node, segment in zip(self.leaf.path[1:], self.task.segments, strict=False):
-            if node.target is not None and node.target.T is not None and segment.target is not None:
+            if node.target is not None and node.target.T is not None:
                 chosen[segment.target] = self._chosen(node, segment, segment.target)
         return tuple(
             replace(stage, configuration=chosen[stage.index]) if stage.index in chosen else stage
@@ -295,8 +290,6 @@ class LimitAvoidance:
     def _chosen(self, node: Node, segment: Segment, k: int) -> ChosenConfiguration:
         parent, finder = node.parent, self.finder
         assert parent is not None
-        assert parent.onward_joints is not None
-        assert segment.free is not None
         world = before_target(self.task, segment, parent)
         rows = [
             finder.find(k, world, batch, parent.history, self.deadline).joints

@@ -116,8 +116,8 @@ class Node:
     target: Target | None = None
     steps: list[Step] = field(default_factory=list)
     onward: list[Step] = field(default_factory=list)
-    onward_world: World | None = None
-    onward_joints: Array | None = None
+    onward_world: World = field(init=False)
+    onward_joints: Array = field(init=False)
     children: list[Child] = field(default_factory=list)
     penalties: dict[int, float] = field(default_factory=dict)
     failures: int = 0
@@ -127,6 +127,9 @@ class Node:
     dead: bool = False
     cost: float = 0.0
     at_limit: bool = False
+
+    def __post_init__(self) -> None:
+        self.onward_world, self.onward_joints = self.world, self.joints
 
     @property
     def path(self) -> "list[Node]":
@@ -198,7 +201,6 @@ class Node:
         """
         if not len(joints):
             return
-        assert self.onward_joints is not None
         chain = self.world.robot.chain
         limits = scaled_limits(chain, options)
         times = motion_times(chain, self.onward_joints, joints, limits)
@@ -360,8 +362,6 @@ def onward_steps(
 
 def before_target(task: Task, segment: Segment, node: Node) -> World:
     """The world of the free motion of a segment, after the choices of a node."""
-    assert segment.free is not None
-    assert node.onward_world is not None
     world = node.onward_world.after_motion(free=True)
     return world.entered(task.stages[segment.free].settings.robot)
 
@@ -381,9 +381,6 @@ def child_node(
         deadline: Time at which to give up.
     """
     target, q = chosen
-    assert segment.target is not None
-    assert segment.free is not None
-    assert node.onward_joints is not None
     stage = task.stages[segment.target]
     world = before_target(task, segment, node)
     pairs = contact_pairs(stage)

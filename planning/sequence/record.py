@@ -105,39 +105,27 @@ class Record:
         if node.target is None:
             return
         target_stage = node.steps[-1].index if node.steps else stage
-        trial = self._trial(node.choices, target_stage)
-        _note(trial, reason, node.joints)
-        if trial.outcome == "open":
-            trial.outcome = "failed"
+        self._fail(node.choices, target_stage, reason, node.joints)
 
     def note_child(
-        self, node: Node, choice: int, stages: tuple[int, int], reason: str, joints: Array
+        self, node: Node, choice: int, stages: tuple[int, int | None], reason: str, joints: Array
     ) -> None:
-        """Note that a configuration of the next target has no way to it.
+        """Note that a configuration of the next target has no way to it, or a grasp no place.
 
         Args:
             node: The choices before.
             choice: Number of the target.
-            stages: Number of its stage, and of the stage that failed.
+            stages: Number of its stage, and of the stage that failed; None where it is noted.
             reason: A short sentence.
             joints: The configuration, shape (n,).
         """
-        self._count(Check.APPROACH, node.depth, stages[1], reason)
-        self.note_no_place(node, choice, stages[0], reason, joints)
+        own, failed = stages
+        if failed is not None:
+            self._count(Check.APPROACH, node.depth, failed, reason)
+        self._fail((*node.choices, choice), own, reason, joints)
 
-    def note_no_place(
-        self, node: Node, choice: int, stage: int, reason: str, joints: Array
-    ) -> None:
-        """Note that a grasp leads to none of its places, which are noted by themselves.
-
-        Args:
-            node: The choices before.
-            choice: Number of the grasp.
-            stage: Number of its stage.
-            reason: A short sentence.
-            joints: The configuration, shape (n,).
-        """
-        trial = self._trial((*node.choices, choice), stage)
+    def _fail(self, choices: tuple[int, ...], stage: int, reason: str, joints: Array) -> None:
+        trial = self._trial(choices, stage)
         _note(trial, reason, joints)
         if trial.outcome == "open":
             trial.outcome = "failed"

@@ -159,23 +159,20 @@ class _Search:
             self._record.note_failure(node, k, describe_stop(led))
             return False
         node.at_limit = rests_at_limit(self._task.world.robot.chain, node)
-        return segment.target is None or self._load(node)
+        return segment.trails or self._load(node)
 
     def _load(self, node: Node) -> bool:
         """Put the next batch of targets that has any valid configuration among the children."""
         segment = self._task.segments[node.depth]
-        k, free = segment.target, segment.free
-        if k is None or free is None:
+        if segment.trails:
             return False
-        options = self._task.stages[free].settings.options
+        k, options = segment.target, self._task.stages[segment.free].settings.options
         world = self._before(node)
         for batch in range(node.batches, self._finder.batches(k)):
             node.batches = batch + 1
             candidates = self._finder.find(k, world, batch, node.history, self._until)
             self._record.note_candidates(node.choices, k, candidates)
-            chain, begin = world.robot.chain, node.onward_joints
-            assert begin is not None
-            costs = self._costs.of(chain, candidates, begin)
+            costs = self._costs.of(world.robot.chain, candidates, node.onward_joints)
             # Configurations of one target that are tried.
             node.add_children(candidates.targets, candidates.joints, 24, options, costs)
             if node.children or self._until.passed:
@@ -188,13 +185,11 @@ class _Search:
 
     def _clearance_cost(self, node: Node, child: Child) -> float:
         segment = self._task.segments[node.depth]
-        assert segment.target is not None
         cell = self._finder.cell(segment.target, self._before(node))
         return self._costs.of_clearance(cell, child)
 
     def _add_child(self, node: Node, taken: Child) -> None:
         segment, target, joints = self._task.segments[node.depth], taken.target, taken.joints
-        assert segment.target is not None
         if not self._leads_to_place(node, segment, target, joints):
             node.children = _without(node, target)
             return
@@ -211,16 +206,16 @@ class _Search:
 
     def _leads_to_place(self, node: Node, segment: Segment, target: Target, q: Array) -> bool:
         """Whether with a grasp some place of the object has a valid configuration."""
-        stage = self._task.stages[segment.end - 1]
+        stage = self._task.stages[segment.target]
         if not isinstance(stage, Grasp):
             return True
         world = target_world(self._before(node), stage, target)
-        place = next_place(self._task, segment.end, world, q)
+        place = next_place(self._task, segment.target + 1, world, q)
         choices = (*node.choices, target.number)
         if place is None or self._has_place(choices, *place):
             return True
         reason = "no place can be reached with this grasp"
-        self._record.note_no_place(node, target.number, segment.end - 1, reason, q)
+        self._record.note_child(node, target.number, (segment.target, None), reason, q)
         return False
 
     def _has_place(self, choices: tuple[int, ...], k: int, world: World) -> bool:
@@ -249,7 +244,7 @@ class _Search:
         heappush(self._open, (priority, next(self._numbers), node))
 
     def _is_trailing(self, depth: int) -> bool:
-        return self._task.segments[depth].target is None
+        return self._task.segments[depth].trails
 
     def _is_complete(self, node: Node) -> bool:
         segments = self._task.segments

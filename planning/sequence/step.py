@@ -18,7 +18,7 @@ from obstacles.scenes.scene import AllowedContact
 from planning.constraints.constraint_set import ConstraintSet
 from planning.options import Options
 from planning.pipeline import pipeline
-from planning.planner import Query
+from planning.planner import Planner, Query
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.proof.certificate import Certificate, certify
 from planning.proof.gripper import certify_gripper
@@ -144,76 +144,6 @@ def reverse(path: ToolPath) -> ToolPath:
     return ToolPath((ToolRun.of(back),), (segment,), 1.0, None, path.tolerances)
 
 
-def plan_free(
-    cell: Cell,
-    settings: StageSettings,
-    ends: tuple[Array, Array],
-    max_edges: int,
-    deadline: Deadline,
-    seed: int,
-) -> Plan | Failure:
-    """A free motion between two configurations, proved.
-
-    Args:
-        cell: The robot in its surroundings.
-        settings: Planner, timing, margin and constraints.
-        ends: Configurations at its start and at its end, each of shape (n,) [rad or m].
-        max_edges: Edges that each planner may check.
-        deadline: Time at which to give up.
-        seed: Seed of everything random.
-    """
-    options = replace(_options(settings.options, deadline, seed), max_edges=max_edges)
-    problem = _problem(cell, settings, ends[0], (JointGoal(ends[1]),))
-    return pipeline.plan(problem, options, within=deadline)
-
-
-def plan_line(
-    cell: Cell, settings: StageSettings, found: Line, deadline: Deadline, seed: int
-) -> Plan | Failure:
-    """A straight motion in time, proved.
-
-    Args:
-        cell: The robot in its surroundings.
-        settings: Timing, margin and constraints.
-        found: The line.
-        deadline: Time at which to give up.
-        seed: Seed of everything random.
-    """
-    options = _options(settings.options, deadline, seed)
-    problem = _problem(cell, settings, found.start, (JointGoal(found.end),))
-    return pipeline.plan(problem, options, (FoundLine(found.path),), deadline)
-
-
-def plan_followed(
-    cell: Cell, settings: StageSettings, start: Array, deadline: Deadline, seed: int
-) -> Plan | Failure:
-    """The lines, arcs or the seam that a stage asks for, in time and proved.
-
-    Args:
-        cell: The robot in its surroundings.
-        settings: The motions, timing, margin and constraints.
-        start: Configuration at its start, shape (n,) [rad or m].
-        deadline: Time at which to give up.
-        seed: Seed of everything random.
-    """
-    options = replace(_options(settings.options, deadline, seed), planner="cartesian")
-    seam = options.cartesian.seam
-    ends = options.cartesian.motions if seam is None else seam.waypoints
-    problem = _problem(cell, settings, start, (PoseGoal(ends[-1].T_base_tip),))
-    return pipeline.plan(problem, options, within=deadline)
-
-
-def _problem(cell: Cell, settings: StageSettings, start: Array, goals: tuple[Goal, ...]) -> Problem:
-    constraints = constraint_set(cell, settings)
-    return Problem(cell.robot, cell.scene, start, goals, settings.margin, constraints=constraints)
-
-
-def _options(options: Options, deadline: Deadline, seed: int) -> Options:
-    # Least time for one plan [s].
-    longest = min(options.timeout, max(deadline.remaining, 1e-3))
-    return replace(options, timeout=longest, seed=seed)
-
-
 def constraint_set(cell: Cell, settings: StageSettings) -> ConstraintSet | None:
     """The constraints of a stage for its robot; None where it has none."""
     if not settings.constraints:
@@ -328,17 +258,38 @@ def plan_step(
     cell = cells.cell(step.world, step.allowed, settings.margin)
     if step.motion == "none":
         return _plan_still(step, cell, deadline, began)
-    if step.motion == "straight":
-        assert step.line is not None
-        plan = plan_line(cell, settings, step.line, deadline, seed)
-    elif step.motion == "follow":
-        plan = plan_followed(cell, settings, step.start, deadline, seed)
-    else:
-        plan = plan_free(cell, settings, (step.start, step.end), max_edges, deadline, seed)
+    plan = _plan_moving(step, cell, max_edges, deadline, seed)
     if isinstance(plan, Failure):
         return plan
     made = _stage_plan(step, cell, plan.trajectory, plan.certificate, began)
     return replace(made, plan=plan)
+
+
+def _plan_moving(
+    step: Step, cell: Cell, max_edges: int, deadline: Deadline, seed: int
+) -> Plan | Failure:
+    """The motion of a step in which the arm moves, in time and proved."""
+    settings, start = step.stage.settings, step.start
+    goals: tuple[Goal, ...] = (JointGoal(step.end),)
+    # Least time for one plan [s].
+    longest = min(settings.options.timeout, max(deadline.remaining, 1e-3))
+    options = replace(settings.options, timeout=longest, seed=seed)
+    planners: tuple[Planner, ...] | None = None
+    if step.line is not None:
+        start, goals = step.line.start, (JointGoal(step.line.end),)
+        planners = (FoundLine(step.line.path),)
+    elif step.motion == "free":
+        options = replace(options, max_edges=max_edges)
+    else:
+        options = replace(options, planner="cartesian")
+        seam = options.cartesian.seam
+        ends = options.cartesian.motions if seam is None else seam.waypoints
+        goals = (PoseGoal(ends[-1].T_base_tip),)
+    constraints = constraint_set(cell, settings)
+    problem = Problem(
+        cell.robot, cell.scene, start, goals, settings.margin, constraints=constraints
+    )
+    return pipeline.plan(problem, options, planners, deadline)
 
 
 def _plan_still(step: Step, cell: Cell, deadline: Deadline, began: float) -> StagePlan | Failure:

@@ -50,22 +50,22 @@ class Segment(NamedTuple):
 
     Args:
         first: Number of the first stage.
-        target: Number of the stage that ends it with a choice; None for what comes after the last.
+        target: Number of the stage that ends it with a choice; of its last where ``trails``.
         approach: Number of the straight motion that ends at the target; None where there is none.
-        free: Number of the stage whose motion is free; None for the last segment.
-        end: Number of the stage after the last one.
+        free: Number of the stage whose motion is free; that after its last where ``trails``.
+        trails: Whether it is what comes after the last target, without a choice.
     """
 
     first: int
-    target: int | None
+    target: int
     approach: int | None
-    free: int | None
-    end: int
+    free: int
+    trails: bool = False
 
     @property
     def forward(self) -> range:
         """Numbers of the stages before the free motion: what they do follows from where it is."""
-        return range(self.first, self.end if self.free is None else self.free)
+        return range(self.first, self.free)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,10 +125,10 @@ def segments(stages: Sequence[Stage]) -> tuple[Segment, ...]:
         before = stages[k - 1] if k else None
         approached = isinstance(before, Straight) and before.kind == "approach"
         approach = k - 1 if approached else None
-        parts.append(Segment(first, k, approach, k - 2 if approached else k, k + 1))
+        parts.append(Segment(first, k, approach, k - 2 if approached else k))
         first = k + 1
     if first < len(stages):
-        parts.append(Segment(first, None, None, None, len(stages)))
+        parts.append(Segment(first, len(stages) - 1, None, len(stages), trails=True))
     return tuple(parts)
 
 

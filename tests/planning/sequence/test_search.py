@@ -99,12 +99,6 @@ def test_straight_stages_are_straight_and_as_long_as_asked() -> None:
         np.testing.assert_allclose(way / np.linalg.norm(way), direction, atol=1e-3)
 
 
-def test_the_same_task_has_the_same_answer() -> None:
-    again = crate.planned_task(Task(crate.world(), crate.HOME, crate.stages()), TIME)
-    for one, other in zip(crate.plan().stages, again.stages, strict=True):
-        assert np.array_equal(one.trajectory.coefficients, other.trajectory.coefficients)
-
-
 def test_a_place_that_is_blocked_is_told_before_any_path_is_planned() -> None:
     lid = aw.Obstacle("lid", aw.Box((0.3, 0.3, 0.02)), aw.pose([*crate.PLACE, 0.2]))
     answer = crate.task_failure(Task(crate.world(lid), crate.HOME, crate.stages()), TIME)

@@ -11,8 +11,7 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
-from planning.problem import JointGoal, PoseGoal
-from planning.sequence.stage import Move, Place, Straight, Wait
+from planning.sequence.stage import Place, Straight
 from planning.sequence.step import Line, LineStopped, lead_straight
 from planning.sequence.target import (
     Candidates,
@@ -25,7 +24,6 @@ from planning.sequence.target import (
     target_count,
 )
 from planning.sequence.world import Cells, Contact
-from planning.timing.path.path import JointPath
 from planning.values.deadline import Deadline
 from tests.planning.scenes import builtin
 from tests.planning.sequence import crate
@@ -59,18 +57,6 @@ def test_places_bring_the_held_object_to_their_poses(reference: str | None) -> N
         # The crate is at T_tool @ T_tool_crate, and the grasp is T_crate_tool.
         np.testing.assert_allclose(target.T @ np.linalg.inv(GRIPS[2]), base @ pose, atol=1e-12)
         np.testing.assert_allclose(target.contact.T, base @ pose, atol=1e-12)
-
-
-def test_moves_go_to_their_goals_or_back() -> None:
-    T = aw.pose([0.4, 0.0, 0.5]) @ crate.DOWN
-    stage = Move((JointGoal(crate.HOME), PoseGoal(T)))
-    joints, pose = stage_targets(stage, crate.world(), {})
-    np.testing.assert_array_equal(joints.joints, crate.HOME)
-    np.testing.assert_array_equal(pose.T, T)
-    assert (joints.T, pose.joints, joints.number, pose.number) == (None, None, 0, 1)
-    (back,) = stage_targets(Move(to_end_of=3), crate.world(), {3: crate.HOME + 0.1})
-    np.testing.assert_array_equal(back.joints, crate.HOME + 0.1)
-    assert [target_count(s) for s in (stage, Move(to_end_of=3), Wait(1.0))] == [2, 1, 0]
 
 
 def test_candidates_have_the_tool_there_inside_the_limits_and_free_as_fcl_finds() -> None:
@@ -198,19 +184,6 @@ def test_empty_regions_are_refused(
 
 
 SOON = Deadline.after(1e6)
-
-
-def test_a_joint_path_backwards_passes_the_same_places() -> None:
-    random = np.random.default_rng(1)
-    path = JointPath(random.normal(size=(3, 2, 4)), np.array([0.2, 0.5, 0.3]))
-    back = path.reverse()
-    for piece in range(3):
-        u = np.linspace(0.0, path.lengths[piece], 7)
-        powers = u[:, None] ** np.arange(4)
-        reversed_u = (path.lengths[piece] - u)[:, None] ** np.arange(4)
-        there = powers @ path.coefficients[piece].T
-        again = reversed_u @ back.coefficients[2 - piece].T
-        np.testing.assert_allclose(there, again, atol=1e-12)
 
 
 @pytest.mark.parametrize(("kind", "sign"), [("approach", -1.0), ("retreat", 1.0)])

@@ -27,7 +27,7 @@ from planning.sequence.stage import (
     Straight,
     Wait,
 )
-from planning.sequence.task import Task, segments
+from planning.sequence.task import Task
 from planning.sequence.world import Cells, Contact, World
 from planning.timing.options import TimingOptions
 from tests.planning.sequence import crate
@@ -97,19 +97,6 @@ def test_a_detached_object_stands_at_its_place_or_where_the_tool_is() -> None:
     )
     tool = forward(crate.panda().chain, _Q)
     np.testing.assert_allclose(dropped, tool @ np.linalg.inv(_GRIP), atol=1e-12)
-
-
-def test_cells_are_put_together_once_for_what_may_touch_and_the_margin() -> None:
-    cells, world = Cells(), _held()
-    one = cells.cell(world, [("wall", "panda_hand")], 0.01)
-    assert cells.cell(world, [("panda_hand", "wall")], 0.01) is one
-    assert cells.cell(world, [], 0.01) is not one
-    assert cells.cell(world, [("wall", "panda_hand")], 0.02) is not one
-    assert {("crate", "table"), ("panda_hand", "wall"), ("crate", "wall")} <= set(
-        one.scene.allowed_collisions
-    )
-    assert "crate" in one.robot.names
-    assert "crate" not in one.scene.ids
 
 
 def test_a_load_is_carried_by_the_robot_of_the_cell() -> None:
@@ -206,17 +193,6 @@ def test_names_of_held_objects_are_put_in() -> None:
     assert isinstance(place, Place)
     assert isinstance(detach, Detach)
     assert place.object == detach.object == "crate"
-
-
-def test_segments_go_from_target_to_target() -> None:
-    parts = segments(crate.stages())
-    assert [(part.first, part.free, part.approach, part.target) for part in parts] == [
-        (0, 0, 1, 2), (3, 6, 7, 8), (9, 12, None, 12)
-    ]  # fmt: skip
-    assert list(parts[1].forward) == [3, 4, 5]
-    ending = segments((GO_HOME, Wait(1.0)))
-    assert ending[-1].target is None
-    assert list(ending[-1].forward) == [1]
 
 
 @pytest.mark.parametrize("count", [0, 10_001])
