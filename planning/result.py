@@ -86,7 +86,6 @@ class ToolMotionReport:
         fraction: How far it was carried out.
         begins: When [s].
         ends: When [s].
-        asked: Index of the motion of the request that it is a part of.
         motion: The motion itself.
         asked: Index of the motion of the request that it is a part of.
         blends: Whether it rounds the corner at the end of that motion.

@@ -147,11 +147,6 @@ def _go_back(spacious: Checker, free: Array, q: Array) -> Array:
 
 End = Literal["start", "goal"]
 
-_COLLISION_CODES: dict[End, str] = {
-    "start": "START_STATE_IN_COLLISION",
-    "goal": "GOAL_IN_COLLISION",
-}
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refusal:
@@ -216,7 +211,7 @@ def collision_failure(
     if deep:
         allow = "raise touch_depth if so deep a contact is meant (null for any depth)"
     return Failure(
-        code=_COLLISION_CODES[end],
+        code=f"{'START_STATE' if end == 'start' else 'GOAL'}_IN_COLLISION",
         message=f"at the {end}, {message}",
         hint=f"Move the {end} away, lower the margin, or {allow}.",
         stage=end,
@@ -254,29 +249,6 @@ def unreachable_failure(chain: Chain, result: IkResult) -> Failure:
             "orientation_error": nearest.orientation_error,
             "nearest_joints": nearest.joints.tolist(),
         },
-    )
-
-
-def time_up_failure(checked: int, count: int) -> Failure:
-    """The failure of a search that had time for some of its goals only."""
-    return Failure(
-        code="TIMED_OUT",
-        message=f"time was up when {checked} of {count} goals had been checked",
-        hint="Allow more time, or give fewer goals.",
-        stage="goal",
-    )
-
-
-def packing_failure(seconds: float) -> Failure:
-    """The failure of a problem whose time is up once its solids were made ready for checks."""
-    return Failure(
-        code="TIMED_OUT",
-        message=f"time was up when robot and scene had been made ready for collision checks, "
-        f"which took {seconds:.2g} s",
-        hint="Ask again: this process keeps what it made. Or allow more time, or give the scene "
-        "coarser meshes.",
-        stage="preflight",
-        details={"seconds": seconds},
     )
 
 

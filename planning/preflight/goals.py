@@ -17,7 +17,6 @@ from planning.preflight.failures import (
     collision_failure,
     limit_failure,
     no_goal_failure,
-    time_up_failure,
     unreachable_failure,
 )
 from planning.preflight.limits import goal_onto_limits
@@ -57,7 +56,8 @@ def find_goals(
     searches = 8
     for i, goal in enumerate(problem.goals):
         if deadline is not None and deadline.passed:
-            return time_up_failure(i, len(problem.goals))
+            message = f"time was up when {i} of {len(problem.goals)} goals had been checked"
+            return Failure("TIMED_OUT", message, "Allow more time, or give fewer goals.", "goal")
         if isinstance(goal, JointGoal):
             answer = _joint_goal(problem, checker, goal)
         else:

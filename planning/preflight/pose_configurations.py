@@ -25,9 +25,7 @@ from kinematics.pose import from_axis_angle, rotation_error, transform
 from planning.goal_choice.goal_order import NEAR_LIMIT, motion_costs
 from planning.values.preferences import GoalCosts
 
-#: Turns below this are rounding: their axis has no direction [rad].
-_SAME = 1e-12
-#: Configurations nearer than this in every joint [rad or m] are one.
+#: Turns below this have no axis [rad]; configurations nearer in every joint [rad or m] are one.
 _SAME = 1e-3
 _TURN = 2.0 * np.pi
 

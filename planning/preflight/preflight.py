@@ -10,7 +10,7 @@ from obstacles.collision.fcl_distance import overlap_meter
 from obstacles.robots.robot_geometry import hulled
 from planning.goal_choice.goal_order import order_goals
 from planning.planner import ENOUGH, SLACK, TOUCHING, Candidate, Ready, ValidStart
-from planning.preflight.failures import collision_failure, limit_failure, packing_failure
+from planning.preflight.failures import collision_failure, limit_failure
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import goal_onto_limits, moved_note, snap_to_limits
 from planning.problem import JointGoal, PoseGoal, Problem
@@ -105,8 +105,17 @@ def _pack(checker: Checker, deadline: Deadline | None) -> Failure | None:
     began = time.monotonic()
     _ = checker.model.arrays
     spent = time.monotonic() - began
-    half = spent > 0.5 * (deadline.at - began)
-    return packing_failure(spent) if half and deadline.passed else None
+    if spent <= 0.5 * (deadline.at - began) or not deadline.passed:
+        return None
+    return Failure(
+        "TIMED_OUT",
+        "time was up when robot and scene had been made ready for collision checks, "
+        f"which took {spent:.2g} s",
+        "Ask again: this process keeps what it made. Or allow more time, or give the scene "
+        "coarser meshes.",
+        "preflight",
+        details={"seconds": spent},
+    )
 
 
 def _exact_checker(problem: Problem) -> Checker:
