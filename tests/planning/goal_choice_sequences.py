@@ -19,9 +19,7 @@ from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.options import Options
-from planning.pipeline.pipeline import plan
-from planning.problem import JointGoal, PoseGoal, Problem
-from planning.result import Plan
+from planning.problem import PoseGoal
 from planning.sequence.result import SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Move
@@ -32,21 +30,17 @@ from planning.tours.problem import TourGoal, TourOptions, TourProblem
 from planning.tours.result import Tour
 from planning.values.preferences import PreferredClearance
 from tests.planning.goal_judge import (
+    CLEAR,
     LONGER,
     NEAR,
     arm,
-    configurations,
-    least_time,
     limit_share,
+    soonest,
 )
 from tests.planning.pinocchio_arm import PinocchioArm
 
 #: Poses of one task or tour.
 POSES = 3
-#: What free configurations keep [m], and configurations that are planned to in place of one.
-_CLEAR, _PLANNED = 2e-3, 12
-#: A configuration is one of a pose where the pose is no farther off [m or rad].
-_OFF = 1e-4
 
 
 @dataclass
@@ -95,9 +89,12 @@ def judge(name: str, kind: str, count: int, seed: int) -> Tally:
         tally.solved += 1
         for i in range(1, len(answer.joints)):
             if limit_share(chain, answer.joints[i]) < NEAR:
-                better = _better(robot, scene, frames, answer, i, kind)
-                if better is not None:
-                    tally.broken.append(better)
+                after = answer.joints[i + 1] if i + 1 < len(answer.joints) else None
+                took = float(answer.times[i - 1 : i + 1].sum())
+                places = answer.joints[i - 1], answer.known[i - 1], after
+                best = soonest(robot, scene, frames, places, took, _options(kind))
+                if best <= LONGER * took:
+                    tally.broken.append(round(best / took, 3))
     return tally
 
 
@@ -111,7 +108,7 @@ def _free(
         if at_limit:
             joint = int(random.choice([j for j in range(chain.n) if not chain.continuous[j]]))
             q[joint] = high[joint] - NEAR * random.random() * (high[joint] - low[joint])
-        if checker.clearance(q)[0] > _CLEAR:
+        if checker.clearance(q)[0] > CLEAR:
             return np.asarray(q)
 
 
@@ -141,34 +138,3 @@ def _options(kind: str) -> Options:
     if kind == "task":
         return Options(timeout=30.0)
     return Options(timeout=30.0, clearance=PreferredClearance(0.0))
-
-
-def _better(
-    robot: RobotGeometry, scene: Scene, frames: PinocchioArm, answer: Rests, i: int, kind: str
-) -> float | None:
-    """Time of motions by a configuration away from limits, by those of the answer; None: longer."""
-    chain, checker = robot.chain, Checker.of(robot, scene)
-    before, known = answer.joints[i - 1], answer.known[i - 1]
-    after = answer.joints[i + 1] if i + 1 < len(answer.joints) else None
-    took = float(answer.times[i - 1 : i + 1].sum())
-    T, planned, best = forward(chain, known), 0, np.inf
-    for q in configurations(chain, T, before, known):
-        least = least_time(chain, before, q) + (
-            0.0 if after is None else least_time(chain, q, after)
-        )
-        if (
-            limit_share(chain, q) < NEAR
-            or checker.clearance(q)[0] < _CLEAR
-            or least > LONGER * took
-        ):
-            continue
-        if planned == _PLANNED:
-            break
-        planned += 1
-        if np.abs(frames.pose(q) - T).max() > _OFF:
-            raise AssertionError("no configuration of the pose")
-        ways = [(before, q)] if after is None else [(before, q), (q, after)]
-        motions = [plan(Problem(robot, scene, a, (JointGoal(b),)), _options(kind)) for a, b in ways]
-        total = sum(m.trajectory.duration if isinstance(m, Plan) else np.inf for m in motions)
-        best = min(best, total)
-    return round(best / took, 3) if best <= LONGER * took else None

@@ -11,7 +11,7 @@ motion against the best of the configurations that straight motions reach soones
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,9 +36,9 @@ from tests.planning.pinocchio_arm import PinocchioArm
 NEAR, LONGER = 0.02, 1.2
 LIMITS = {"velocity": 2.0, "acceleration": 8.0, "jerk": 80.0}
 #: Starts of the numeric method, configurations at most, and those that are planned to.
-_STARTS, _MOST, _PLANNED = 3000, 60, 12
+_STARTS, _MOST, PLANNED = 3000, 60, 12
 #: What free configurations keep [m], and how far a pose may be from the one asked for [m or rad].
-_CLEAR, _OFF = 2e-3, 1e-4
+CLEAR, _OFF = 2e-3, 1e-4
 _TURN = 2.0 * np.pi
 
 
@@ -106,7 +106,7 @@ def problems(robot: RobotGeometry, count: int, seed: int) -> Iterator[tuple[Prob
             joint = int(random.choice(bounded))
             goal[joint] = high[joint] - NEAR * random.random() * (high[joint] - low[joint])
         checker = Checker.of(robot, scene)
-        if min(checker.clearance(q)[0] for q in (start, goal)) < _CLEAR:
+        if min(checker.clearance(q)[0] for q in (start, goal)) < CLEAR:
             continue
         made += 1
         yield Problem(robot, scene, start, (PoseGoal(forward(chain, goal)),)), goal
@@ -140,7 +140,9 @@ def judge(robot: RobotGeometry, urdf: str, count: int, seed: int, timeout: float
         tally.planned += 1
         last, took = answer.path.waypoints[-1], answer.trajectory.duration
         at_limit = limit_share(robot.chain, last) < NEAR
-        best = _soonest(problem, known, frames, options, took, _PLANNED if at_limit else 1)
+        most = PLANNED if at_limit else 1
+        best = soonest(robot, problem.scene, frames, (problem.start, known, None), took, options,
+                       most)  # fmt: skip
         if at_limit and best <= LONGER * took:
             tally.broken.append((k, round(best / took, 3)))
         if np.isfinite(best):
@@ -148,22 +150,35 @@ def judge(robot: RobotGeometry, urdf: str, count: int, seed: int, timeout: float
     return tally
 
 
-def _soonest(
-    problem: Problem, known: Array, frames: PinocchioArm, options: Options, took: float, most: int
+def soonest(
+    robot: RobotGeometry,
+    scene: Scene,
+    frames: PinocchioArm,
+    places: tuple[Array, Array, Array | None],
+    took: float,
+    options: Options,
+    most: int = PLANNED,
 ) -> float:
-    """The least duration of plans to configurations away from limits; infinite without any."""
-    robot, goal = problem.robot, problem.goals[0]
-    assert isinstance(goal, PoseGoal)
-    checker, times = Checker.of(robot, problem.scene), [np.inf]
-    for q in configurations(robot.chain, goal.T_base_tip, problem.start, known):
-        if limit_share(robot.chain, q) < NEAR or checker.clearance(q)[0] < _CLEAR:
+    """The least time of plans by configurations of a pose away from limits; infinite without any.
+
+    Args:
+        places: Configurations before, of the pose, and after it, if the arm goes on.
+        took: Nothing is planned that takes longer than this by far [s].
+        most: Configurations that are planned to at most.
+    """
+    (before, known, after), chain, times = places, robot.chain, [np.inf]
+    checker, T = Checker.of(robot, scene), forward(chain, known)
+    for q in configurations(chain, T, before, known):
+        ways = [(before, q)] if after is None else [(before, q), (q, after)]
+        longer = sum(least_time(chain, *way) for way in ways) > LONGER * took
+        if longer or limit_share(chain, q) < NEAR or checker.clearance(q)[0] < CLEAR:
             continue
-        if most == 0 or least_time(robot.chain, problem.start, q) > LONGER * took:
+        if not most:
             break
         most -= 1
-        if np.abs(frames.pose(q) - goal.T_base_tip).max() > _OFF:
+        if np.abs(frames.pose(q) - T).max() > _OFF:
             raise AssertionError("no configuration of the pose")
-        motion = plan(replace(problem, goals=(JointGoal(q),)), options)
-        if isinstance(motion, Plan):
-            times.append(motion.trajectory.duration)
+        motions = [plan(Problem(robot, scene, a, (JointGoal(b),)), options) for a, b in ways]
+        if all(isinstance(motion, Plan) for motion in motions):
+            times.append(sum(m.trajectory.duration for m in motions if isinstance(m, Plan)))
     return min(times)

@@ -98,20 +98,6 @@ def test_margins_of_obstacles_are_taken_off_what_is_proved() -> None:
     assert clearance_report((checker,), MOTION, preferred, 0.0, known) == looked
 
 
-def test_the_least_distance_of_a_long_span_is_found_without_a_look_at_all_of_it() -> None:
-    robot = builtin("planar_rr")
-    checker, world = Checker.of(robot, BAR), FclWorld(robot, BAR)
-    report = clearance_report((checker,), MOTION, PreferredClearance(1.0), 0.0)
-    looks = np.arange(round(4.0 / report.period) + 1) * report.period
-    truth = np.array([world.clearance(q).distance for q in MOTION.sample(np.minimum(looks, 4.0))])
-    counts = []
-    for span in report.spans:
-        within = truth[(looks >= span.begins - 1e-9) & (looks <= span.ends + 1e-9)]
-        counts.append(len(within))
-        assert -1e-3 < span.distance - within.min() < 1e-6
-    assert max(counts) > 50
-
-
 def test_the_distance_of_a_span_is_the_least_of_a_fast_arm_too() -> None:
     """Of looks 25 ms apart the nearest is up to millimetres farther away than the arm comes."""
     robot = builtin("planar_rr")

@@ -140,13 +140,3 @@ def test_a_gate_is_passed_where_it_is_wider_than_the_ball_with_its_margins(spare
 def gap_to_wall(path: Array, half: float, sign: float) -> float:
     outside = np.stack([np.abs(path[:, 0]) - 0.05, half - sign * path[:, 1]], axis=1)
     return float(np.linalg.norm(np.maximum(outside, 0.0), axis=1).min()) - RADIUS
-
-
-def test_a_larger_margin_never_makes_a_motion_shorter() -> None:
-    scene = Scene((post("post", 0.0, 0.02),))
-    lengths = []
-    for margin in (0.0, 0.05, 0.1):
-        answer = planned_motion(asked(scene, margin), Options(timeout=20.0))
-        lengths.append(answer.path.length)
-    assert lengths == sorted(lengths)
-    assert lengths[0] > 1.2

@@ -17,7 +17,6 @@ from planning.constraints.kinds.constraint import (
 )
 from planning.options import Options, with_limits
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.proof.constraints.constraint_limits import constrained_efforts
 from planning.timing.options import TimingOptions
 from tests.planning.scenes import box, builtin
 from tests.planning.slider import slider
@@ -170,23 +169,3 @@ def test_torque_constraints_turn_torque_limits_on_and_only_lower_them() -> None:
     options = Options(limits={"effort": EFFORT})
     limited = with_limits(options, constraints(TorqueConstraint(tuple(lower))))
     np.testing.assert_array_equal(limited.limits["effort"], np.minimum(lower, EFFORT))
-
-
-def test_foreign_motions_are_held_to_the_same_limits() -> None:
-    assert constrained_efforts(None, None, PANDA) is None
-    assert constrained_efforts(None, constraints(), PANDA) is None
-    both = constrained_efforts(
-        None, constraints(ToolSpeedConstraint(0.3), TorqueConstraint()), PANDA
-    )
-    assert both is not None
-    assert both.tool_speed == 0.3
-    assert both.effort is not None
-    np.testing.assert_array_equal(both.effort, EFFORT)
-    lower = tuple(0.5 * EFFORT)
-    again = constrained_efforts(
-        both, constraints(ToolSpeedConstraint(0.4), TorqueConstraint(lower)), PANDA
-    )
-    assert again is not None
-    assert again.tool_speed == 0.3
-    assert again.effort is not None
-    np.testing.assert_array_equal(again.effort, lower)

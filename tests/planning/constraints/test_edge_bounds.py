@@ -21,7 +21,7 @@ from planning.constraints.edge_bounds import (
 )
 from planning.constraints.kinds.constraint import ConeConstraint, PositionConstraint
 from planning.constraints.kinds.region import PlaneRegion
-from planning.constraints.row import Column, RowKind
+from planning.constraints.row import Column
 from tests.dynamics.samples import random_chain
 from tests.planning.constraints.samples import some_of_each
 
@@ -158,58 +158,6 @@ def test_no_sample_of_a_cell_is_above_its_bound(chain: Chain, half: float) -> No
         samples = constraints.residuals(power_basis.polyval(times, curve.T).T)
         np.testing.assert_allclose(found[:, 0], samples[200], atol=1e-9)
         assert (samples.max(axis=0) <= found[:, 1] + 1e-9).all()
-
-
-@pytest.mark.parametrize("kind", list(RowKind))
-def test_what_a_bound_adds_shrinks_with_the_cell(kind: RowKind) -> None:
-    """On a cell of a tenth of the length it is at most a seventh, for rows of every kind."""
-    chain = CELL_CHAINS[0]
-    constraints = ConstraintSet(chain, tuple(some_of_each(chain, 5)))
-    rows = np.flatnonzero(constraints.packed[:, Column.KIND] == kind)
-    packed, rng = np.array(constraints.packed[rows]), np.random.default_rng(7)
-    for _ in range(6):
-        curve = cubic_curve(chain, rng)
-        excess = []
-        for half in (1e-3, 1e-4):
-            times = 0.5 + half * np.linspace(-1.0, 1.0, 401)
-            samples = constraints.residuals(power_basis.polyval(times, curve.T).T)[:, rows]
-            excess.append(bounds(chain, packed, curve, 0.5, half)[:, 1] - samples.max(axis=0))
-        assert (excess[1] <= excess[0] / 7.0 + 1e-9).all()
-
-
-def test_distances_angles_and_coordinates_are_bounded_to_second_order() -> None:
-    """Where they are smooth: the excess over dense samples falls as the square of the cell."""
-    chain = CELL_CHAINS[0]
-    constraints = ConstraintSet(chain, tuple(some_of_each(chain, 5)))
-    second = [RowKind.COORDINATE, RowKind.DISTANCE, RowKind.JOINT]
-    rows = np.flatnonzero(np.isin(constraints.packed[:, Column.KIND], second))
-    packed, rng = np.array(constraints.packed[rows]), np.random.default_rng(8)
-    shares = []
-    for _ in range(10):
-        curve = cubic_curve(chain, rng)
-        excess = []
-        for half in (1e-2, 1e-3):
-            times = 0.5 + half * np.linspace(-1.0, 1.0, 401)
-            samples = constraints.residuals(power_basis.polyval(times, curve.T).T)[:, rows]
-            excess.append(bounds(chain, packed, curve, 0.5, half)[:, 1] - samples.max(axis=0))
-        shares.append(excess[1] / np.maximum(excess[0], 1e-12))
-    # But for corners of the residual: the middle between two bounds, the point of a cone.
-    assert np.median(shares) < 0.02
-
-
-def test_a_joint_along_the_axis_does_not_widen_the_bound_of_a_cone() -> None:
-    """The last joint turns about the tool's z axis: the angle stays, however far it turns."""
-
-    chain = CELL_CHAINS[0]
-    q = np.array([0.3, -0.5, 0.1, -2.0, 0.2, 1.6, 0.4])
-    z = forward(chain, q)[:3, 2]
-    cone = ConstraintSet(chain, (ConeConstraint([0, 0, 1], z + np.array([0.3, 0.0, 0.1]), 0.5),))
-    turn = np.column_stack([q, 2.0 * np.eye(7)[6]])
-    ((middle, bound),) = bounds(chain, np.array(cone.packed), turn, 0.5, 0.5)
-    assert bound == pytest.approx(middle, abs=1e-7)
-    aside = np.column_stack([q, 2.0 * np.eye(7)[5]])
-    ((middle, bound),) = bounds(chain, np.array(cone.packed), aside, 0.5, 0.5)
-    assert bound > middle + 0.1
 
 
 def test_a_slide_that_turns_while_it_moves_out_is_bounded() -> None:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidLinkName
-from kinematics.forward import forward, frames_kernel
+from kinematics.forward import forward
 from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_names
@@ -27,11 +27,6 @@ from planning.constraints.kinds.constraint import (
     TorqueConstraint,
 )
 from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
-from planning.constraints.row import Column, RowKind
-from planning.constraints.row_value import (
-    sideways_kernel,
-    value_kernel,
-)
 from tests.dynamics.samples import random_chain
 from tests.kinematics.samples import random_rotation
 from tests.planning.constraints.samples import some_of_each
@@ -150,49 +145,6 @@ def test_hash_tells_constraints_apart() -> None:
     assert soft.soft == soft
     assert not soft.hard
     assert first.hard == first
-
-
-#: Joints of both types, rows of every kind between the base and any two of its links.
-CHAIN = random_chain(3, 7)
-PACKED = np.array(ConstraintSet(CHAIN, tuple(some_of_each(CHAIN, 8))).packed)
-
-
-def frames_at(chain: Chain, q: Array) -> Array:
-    frames = np.empty((chain.n, 4, 4))
-    frames_kernel(chain.model, q, frames)
-    return frames
-
-
-def drawn(seed: int) -> Array:
-    return np.random.default_rng(seed).uniform(-1.5, 1.5, CHAIN.n)
-
-
-@pytest.mark.parametrize("kind", [RowKind.DISTANCE, RowKind.ANGLE, RowKind.LOOK])
-def test_bounds_across_hold_wherever_the_row_does(kind: RowKind) -> None:
-    """To first order: a violated row's step that keeps them does not run past the set."""
-    rows = PACKED[PACKED[:, Column.KIND] == kind]
-    seen = 0
-    for seed in range(6):
-        q = drawn(200 + seed)
-        frames = frames_at(CHAIN, q)
-        for row in rows:
-            for second in (False, True):
-                bound, linear, angular = sideways_kernel(frames, row, second)
-                if math.isinf(bound):
-                    continue
-                seen += 1
-                _, along, about = value_kernel(q, frames, row, np.empty((3, 3)))
-                limit = row[Column.UPPER]
-                expected = limit if kind == RowKind.DISTANCE else math.sin(limit)
-                assert bound == pytest.approx(expected)
-                # Unit covectors, across the one that the value is measured along.
-                if kind == RowKind.ANGLE:
-                    assert np.linalg.norm(angular) == pytest.approx(1.0)
-                    assert np.dot(angular, about) == pytest.approx(0.0, abs=1e-9)
-                if kind == RowKind.DISTANCE:
-                    assert np.linalg.norm(linear) == pytest.approx(1.0)
-                    assert np.dot(linear, along) == pytest.approx(0.0, abs=1e-9)
-    assert seen > 6
 
 
 PANDA = builtin_chain("panda")

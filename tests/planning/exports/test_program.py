@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -145,16 +144,6 @@ def test_a_program_does_the_work_and_touches_nothing(format_: ExportFormat) -> N
     assert stands == pytest.approx([0.45, -0.25, 0.125], abs=2e-4)
     if format_ in PATH_FORMATS:
         assert sum(one.cut > 0.0 for one in done) > 10
-
-
-def test_radii_of_a_program_fit_their_legs() -> None:
-    done = [one for one in read(program(ExportFormat.URSCRIPT_MOVEJ).text,
-                                ExportFormat.URSCRIPT_MOVEJ) if one.q is not None]  # fmt: skip
-    for a, b in pairwise(done):
-        assert a.q is not None
-        assert b.q is not None
-        apart = np.linalg.norm(flange(a.q)[:3, 3] - flange(b.q)[:3, 3])
-        assert a.cut + b.cut <= apart
 
 
 def test_what_is_held_makes_a_program_unproved_where_it_meets_something() -> None:

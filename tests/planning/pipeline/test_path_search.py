@@ -1,7 +1,5 @@
 """The search for a path with its clearances, diagnoses of failures, and a start that moves."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -14,11 +12,8 @@ from planning.options import Options
 from planning.pipeline import path_search
 from planning.pipeline.diagnosis import Diagnosis, diagnose
 from planning.pipeline.optimize_stage import first_touch
-from planning.pipeline.pipeline import plan
 from planning.planner import Ready
 from planning.problem import JointGoal, Problem
-from planning.result import Plan
-from planning.search.shortcut import shortcut
 from planning.stops.braking import BrakingLimits
 from planning.values.deadline import Deadline
 from planning.values.preferences import PreferredClearance
@@ -67,42 +62,6 @@ def test_a_path_that_was_looked_at_is_proved_last() -> None:
     assert (proof.name, proof.outcome) == ("path_proof", "succeeded")
     assert proof.detail == f"{len(answer.path.waypoints) - 1} legs are proved free."
     assert Checker.of(slider(), Scene((LONG,))).polyline(answer.path.waypoints)[0].free
-
-
-def test_corners_are_cut_only_where_the_path_is_not_made_quicker_next(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    told = list[bool]()
-
-    def note(cut: Callable[..., Array]) -> Callable[..., Array]:
-        def cut_and_note(*args: object, cuts: bool, proves: bool) -> Array:
-            told.append(cuts)
-            return cut(*args, cuts=cuts, proves=proves)
-
-        return cut_and_note
-
-    monkeypatch.setattr(path_search, "shortcut", note(shortcut))
-    problem = Problem(slider(), Scene((LONG,)), FROM, (JointGoal(TO),))
-    for preferred, planner in ((0.04, "auto"), (0.04, "rrt_connect"), (0.0, "auto")):
-        options = Options(planner=planner, clearance=PreferredClearance(preferred))
-        assert isinstance(plan(problem, options), Plan)
-    assert told == [False, False, True]
-
-
-def test_a_path_of_too_many_waypoints_to_be_made_quicker_has_its_corners_cut(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(path_search, "MAX_WAYPOINTS", 2)
-    problem = Problem(slider(), Scene((LONG,)), FROM, (JointGoal(TO),))
-    cut = shortcuts(problem)
-    monkeypatch.undo()
-    assert cut != shortcuts(problem)
-
-
-def shortcuts(problem: Problem) -> str:
-    """Result of the shortcut on the way to a plan with 40 mm to spare."""
-    answer = planned_motion(problem, Options(clearance=PreferredClearance(0.04)))
-    return next(stage.detail for stage in answer.stages if stage.name == "shortcut")
 
 
 #: A block between a start that is 15 mm from it, and a goal.

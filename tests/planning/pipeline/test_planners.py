@@ -19,7 +19,7 @@ from planning.constraints.kinds.constraint import JointConstraint
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline import pipeline
 from planning.pipeline.pipeline import plan
-from planning.pipeline.planners import CASCADE, PLANNERS, ByConstraints, choose_planners
+from planning.pipeline.planners import CASCADE, PLANNERS, choose_planners
 from planning.planner import Query, Ready
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Attempt, Failure, Plan
@@ -105,21 +105,6 @@ def test_a_path_under_constraints_is_not_left_to_forces_or_free_trees() -> None:
     assert "along the constraints" in trees.detail
     (named,) = choose_planners(constrained.problem, Options(planner="rrt_connect"))
     assert "along the constraints" in named.plan(constrained).detail
-
-
-def test_two_planners_of_one_name_by_the_checker() -> None:
-    @dataclass(frozen=True)
-    class Named:
-        name: str
-        needs_goals: bool = True
-
-        def plan(self, query: Query) -> Attempt:
-            return Attempt(None, self.name)
-
-    pair = ByConstraints(Named("a"), Named("b"))
-    assert pair.name == "a"
-    assert pair.plan(query(WALL)).detail == "a"
-    assert pair.plan(query(WALL, constrained=True)).detail == "b"
 
 
 def test_the_fallback_has_its_turn_with_the_exact_robot_only() -> None:

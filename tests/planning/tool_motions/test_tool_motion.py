@@ -1,7 +1,5 @@
 """Lines, arcs, runs and tolerances of the tool beside scipy's rotations."""
 
-import math
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
@@ -16,8 +14,8 @@ from planning.tool_motions.tool_motion import (
     line,
 )
 from planning.tool_motions.tool_path import ToolRun
-from planning.tool_motions.tool_tolerance import ToolTolerance, rotations, tilts
-from tests.planning.tool_boxes import clip, deviations, excess
+from planning.tool_motions.tool_tolerance import ToolTolerance, rotations
+from tests.planning.tool_boxes import deviations
 
 RANDOM = np.random.default_rng(11)
 
@@ -202,28 +200,6 @@ def test_deviations_are_those_that_poses_were_made_with(fixed: bool) -> None:
         A = N[:3, :3] if axes is None else axes
         np.testing.assert_allclose(T[k, :3, 3], N[:3, 3] + A @ d[k, :3], atol=1e-12)
         np.testing.assert_allclose(T[k, :3, :3], A @ D[k] @ A.T @ N[:3, :3], atol=1e-12)
-
-
-def test_clipping_brings_deviations_inside_and_leaves_those_that_are() -> None:
-    box = ToolTolerance.of({"x": (-0.1, 0.2)}, ("rz",), tilt=0.3)
-    d = DRAWS.uniform(-1.0, 1.0, (200, 6))
-    clipped = clip(box, d)
-    assert (tilts(clipped) <= 0.3 + 1e-9).all()
-    assert (clipped[:, 0] >= -0.1).all()
-    assert (clipped[:, 0] <= 0.2).all()
-    assert not clipped[:, 1:3].any()
-    np.testing.assert_array_equal(clipped[:, 5], d[:, 5])
-    np.testing.assert_allclose(clip(box, clipped), clipped, atol=1e-12)
-    assert (excess(box, clipped) < 1e-9).all()
-    assert excess(box, d)[:, 0].max() > 0.5
-
-
-def test_whole_turns_are_no_excess() -> None:
-    box = ToolTolerance.of({"rz": (3.0, 3.3)})
-    inside = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, -math.pi + 0.05]])
-    assert excess(box, inside).max() < 1e-12
-    # Zero is nearer to the upper end, 3.3, by way of a whole turn.
-    assert excess(box, np.zeros((1, 6)))[0, 1] == pytest.approx(2.0 * math.pi - 3.3)
 
 
 def test_tolerances_that_make_no_sense_are_refused() -> None:

@@ -21,7 +21,7 @@ from planning.tool_motions.passing_times import passing_times
 from planning.tool_motions.tool_motion import line
 from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolRun, ToolSegment
 from planning.tool_motions.tool_tolerance import ToolTolerance
-from planning.tool_paths.tool_deviation import pieces_within, tool_deviations
+from planning.tool_paths.tool_deviation import tool_deviations
 from planning.tool_paths.tool_following import lead_tool
 from planning.tool_paths.tool_timing import time_tool_path
 from planning.values.deadline import Deadline
@@ -226,23 +226,3 @@ def test_an_exact_run_ends_its_parts_where_the_joints_are_nearest() -> None:
     times = passing_times(CHAIN, as_path(spline), motion, run.parts)
     np.testing.assert_allclose(times[:-1], closed_form(2.0, PLACES[1:-1]), rtol=1e-6)
     assert times[-1] == 2.0
-
-
-@pytest.mark.parametrize("factor", [1.2, 0.8])
-def test_pieces_near_their_lines_are_told_from_others(factor: float) -> None:
-    run, spline = polyline(tolerant=False), curve()
-    path = as_path(spline)
-    away = []
-    for k, (low, high) in enumerate(pairwise(PLACES)):
-        p = forward(CHAIN, spline(np.linspace(low, high, 400)))[:, :3, 3]
-        a, b = run.motions[k].T_start[:3, 3], run.motions[k].T_end[:3, 3]
-        along = (b - a) / np.linalg.norm(b - a)
-        off = p - a
-        away.append(float(np.linalg.norm(off - np.outer(off @ along, along), axis=1).max()))
-    limit = factor * sorted(away)[2]
-    within = pieces_within(CHAIN, run, run.breaks, path.breaks, path.coefficients, (limit, np.inf))
-    sure = np.abs(np.array(away) / limit - 1.0) > 0.1
-    assert sure.sum() >= 2
-    np.testing.assert_array_equal(within[sure], np.array(away)[sure] <= limit)
-    far = pieces_within(CHAIN, run, run.breaks, path.breaks, path.coefficients, (1e-9, np.inf))
-    assert not far.any()

@@ -19,8 +19,6 @@ from planning.tours.local_search import (
 )
 from planning.tours.problem import (
     check_order,
-    find_cycle,
-    goal_pairs,
     group_numbers,
     precedence_table,
 )
@@ -131,22 +129,3 @@ def test_contradictions_are_named(
 
 def test_orders_that_exist_are_taken() -> None:
     check_order(list("abcd"), ("g", None, "g", None), [("a", "c"), ("g", "b"), ("d", "a")])
-
-
-def test_the_cycle_is_one_of_the_rules() -> None:
-    followers = {"a": ["b"], "b": ["c", "d"], "c": [], "d": ["e"], "e": ["b"]}
-    cycle = find_cycle(followers)
-    assert sorted(cycle[:-1]) == ["b", "d", "e"]
-    assert cycle[0] == cycle[-1]
-    assert find_cycle({"a": ["b", "c"], "b": ["c"], "c": []}) == []
-
-
-def test_groups_stand_for_their_goals() -> None:
-    pairs = goal_pairs(list("abcd"), ("g", "g", None, None), [("g", "c"), ("c", "d")])
-    assert pairs == [(0, 2), (1, 2), (2, 3)]
-    table = precedence_table(pairs, 6)
-    assert table[0].tolist() == [0, 1, 2, 3, 3, 3, 3]
-    assert table[1].tolist() == [2, 2, 3]
-    numbers = group_numbers(("g", None, "g", "h"))
-    assert numbers[0] == numbers[2]
-    assert len(np.unique(numbers)) == 3

@@ -5,7 +5,6 @@ The checker is not on the path: it has to work alone.
 
 import importlib.util
 import sys
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import trimesh
 
-from kinematics.arrays import Array
 from kinematics.pose import transform
 from kinematics.trajectory.trajectory import Trajectory
 from kinematics.tree.serial_chain import serial_chain
@@ -29,13 +27,13 @@ from planning.result import Plan
 from planning.witness.compact import MAGIC, packed
 from planning.witness.witness import witness
 from tests.planning.proof.test_certificate_meshes import (
-    arm_text,
     as_mesh,
     hollows,
     motion_from,
     own_bytes,
 )
 from tests.planning.scenes import builtin, pillar, shelf
+from tests.planning.stops.motions import arm
 
 ROOT = Path(__file__).parents[3]
 CHECKER = ROOT / "checkers/python/armwright_checker.py"
@@ -113,22 +111,13 @@ def planned(name: str, scene: str, count: int, margin: float = 0.0) -> tuple[Pro
 @cache
 def meshes(count: int) -> tuple[Proved, ...]:
     """Certified motions of an arm whose links are no hulls, among rings and tubes."""
-    description, random = parse_urdf(arm_text()), np.random.default_rng(5)
-    robot = robot_geometry(serial_chain(description, tip_link="hand"), description, own_bytes)
-    return tuple(_free_motions(robot, random, count))
-
-
-def _free_motions(
-    robot: RobotGeometry, random: np.random.Generator, count: int
-) -> Iterator[Proved]:
-    found = 0
-    while found < count:
+    robot, random, found = arm("meshes"), np.random.default_rng(5), list[Proved]()
+    while len(found) < count:
         scene = Scene(tuple(hollows(random, 0.9)))
-        q: Array = random.uniform(-2.1, 2.1, robot.chain.n)
-        motion = motion_from(robot, q, random)
+        motion = motion_from(robot, random.uniform(-2.1, 2.1, robot.chain.n), random)
         if certify(motion, robot, scene).verified:
-            found += 1
-            yield Proved(motion, robot, scene, witness(motion, robot, scene).document)
+            found.append(Proved(motion, robot, scene, witness(motion, robot, scene).document))
+    return tuple(found)
 
 
 @cache

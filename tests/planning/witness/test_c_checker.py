@@ -1,5 +1,6 @@
-"""The checker in C: the same verdicts as the one on balls, with arithmetic of its own."""
+"""The checker in C, built here and as WebAssembly of pages: the verdicts of the one on balls."""
 
+import gzip
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,7 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import wasmtime
 
+from checkers import build_wasm as builder
 from tests.planning.witness.by_hand import document
 from tests.planning.witness.problems import (
     ROOT,
@@ -25,6 +28,7 @@ from tests.planning.witness.test_mutations import MUTATIONS
 
 SOURCE = ROOT / "checkers/c/armwright_check.c"
 MOST_LINES = 700
+PROGRAM = gzip.decompress(builder.TARGET.read_bytes())
 Check = Callable[[dict[str, Any] | bytes], tuple[int, str]]
 
 
@@ -48,6 +52,35 @@ def check(tmp_path_factory: pytest.TempPathFactory) -> Check:
     return checked
 
 
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> Check:
+    """The same of the program that pages have, each file in an instance of its own."""
+    folder, engine = tmp_path_factory.mktemp("wasm"), wasmtime.Engine()
+    module = wasmtime.Module(engine, PROGRAM)
+
+    def checked(witness: dict[str, Any] | bytes) -> tuple[int, str]:
+        (folder / "in").write_bytes(witness if isinstance(witness, bytes) else compact(witness))
+        system = wasmtime.WasiConfig()
+        system.argv = ["armwright-check", "-"]
+        system.stdin_file = str(folder / "in")
+        system.stdout_file = str(folder / "out")
+        store, linker = wasmtime.Store(engine), wasmtime.Linker(engine)
+        store.set_wasi(system)
+        linker.define_wasi()
+        start = linker.instantiate(store, module).exports(store)["_start"]
+        assert isinstance(start, wasmtime.Func)
+        with pytest.raises(wasmtime.ExitTrap) as ended:
+            start(store)
+        return ended.value.code, (folder / "out").read_text()
+
+    return checked
+
+
+def test_the_program_of_pages_is_built_from_this_source() -> None:
+    """Byte for byte: ``python checkers/build_wasm.py`` builds it anew."""
+    assert builder.built() == PROGRAM
+
+
 def test_its_package_builds_the_command(tmp_path: Path) -> None:
     """As ``pip install checkers/c`` does, and the command tells how it is used."""
     folder = SOURCE.parent
@@ -66,19 +99,21 @@ def test_it_is_small() -> None:
     assert len(lines) < MOST_LINES
 
 
-def test_certified_motions_are_accepted(check: Check) -> None:
+def test_certified_motions_are_accepted(check: Check, pages: Check) -> None:
     """With the gap that balls prove, but for its own rounding."""
     items = [*planned("ur5e", "crowd", 4), *planned("panda", "crowd", 2, 0.01)[:1], *meshes(3)[:1]]
     for item in items:
         code, said = check(item.document)
         assert (code, said[:9]) == (0, "accepted:")
+        assert pages(item.document) == (code, said)
         report = checker().check(item.document)
         told = float(said.partition("apart by ")[2].partition(" m ")[0])
         # It is told with six digits.
         assert told == pytest.approx(report.clearance, rel=1e-5, abs=1e-10)
-    code, said = check(peg_in_tube().document)
-    assert code == 2
-    assert "not witnessed: pair" in said
+    for one in (check, pages):
+        code, said = one(peg_in_tube().document)
+        assert code == 2
+        assert "not witnessed: pair" in said
 
 
 def test_the_witness_by_hand_is_accepted(check: Check) -> None:
@@ -90,14 +125,15 @@ def test_the_witness_by_hand_is_accepted(check: Check) -> None:
 
 
 @pytest.mark.parametrize("name", FALSE)
-def test_a_false_witness_is_rejected(check: Check, name: str) -> None:
+def test_a_false_witness_is_rejected(check: Check, pages: Check, name: str) -> None:
     """As by the other checker."""
     change, _ = FALSE[name]
     false = document()
     change(false)
-    code, said = check(false)
-    assert code == 1
-    assert said.startswith("rejected:")
+    for one in (check, pages):
+        code, said = one(false)
+        assert code == 1
+        assert said.startswith("rejected:")
 
 
 def test_both_checkers_agree_on_mutations(check: Check) -> None:

@@ -10,7 +10,6 @@ from scipy.optimize import OptimizeResult, linprog, minimize, nnls
 
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from kinematics.jacobian import geometric
 from kinematics.model.dh import chain_from_dh
 from kinematics.model.dh_table import DhRow, DhTable
 from obstacles.collision.checker import Checker, collision_model
@@ -21,26 +20,20 @@ from planning.constraints.kinds.constraint import (
     PositionConstraint,
 )
 from planning.constraints.kinds.region import PlaneRegion, SphereRegion
-from planning.constraints.row_value import sideways_kernel
 from planning.constraints.solvers.active_set import (
     FEASIBLE,
     descend,
 )
 from planning.constraints.solvers.active_set_program import (
     Goal,
-    Work,
-    linearise,
-    log_manipulability,
     make_goal,
     make_work,
     objective_kernel,
     search_arrays,
-    slope_kernel,
 )
 from planning.constraints.solvers.conflict import conflict
 from planning.constraints.solvers.least_distance import least_distance
 from planning.values.deadline import Deadline
-from tests.planning.constraints.samples import some_of_each
 from tests.planning.scenes import HOME, builtin, pillar
 
 ROBOT = builtin("panda")
@@ -281,86 +274,3 @@ def test_time_ends_the_search_for_a_conflict() -> None:
     found = conflict(wanted, deadline=Deadline.after(60.0))
     assert found is not None
     assert len(found.constraints) == 2
-
-
-def goal(*constraints: object, metric: float = 1.0, link: int = -2, soft: object = None) -> Goal:
-    held = ConstraintSet(CHAIN, tuple(constraints))  # type: ignore[arg-type]
-    wished = None if soft is None else ConstraintSet(CHAIN, (soft,))  # type: ignore[arg-type]
-    return make_goal(held, HOME, np.full(7, metric), soft=wished, link=link)
-
-
-def close_by(seed: int) -> Array:
-    return HOME + np.random.default_rng(seed).uniform(-0.4, 0.4, 7)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_rows_are_the_constraints_to_first_order(seed: int) -> None:
-    """Along any small step each row's room changes by A dq, for kinds of every sort."""
-    constraints = ConstraintSet(CHAIN, tuple(c for c in some_of_each(CHAIN, 3)))
-    asked = make_goal(constraints, HOME, np.ones(7))
-    q, dq = close_by(seed), 1e-6 * np.random.default_rng(seed).normal(size=7)
-    work, ahead = make_work(None, asked), make_work(None, asked)
-    linearise(None, asked, q, work)
-    linearise(None, asked, q + dq, ahead)
-    # Rows of both bounds come before those across, which violated rows alone have.
-    at, after = 0, 0
-    checked = 0
-    for i, row in enumerate(constraints.packed):
-        for bound in (row[16], row[15]):
-            if np.isinf(bound):
-                continue
-            change = work.A[at] @ dq
-            if abs(change) > 1e-9:
-                assert ahead.b[after] - work.b[at] == pytest.approx(-change, abs=1e-9)
-                checked += 1
-            at, after = at + 1, after + 1
-        at += 2 * _across(asked, work, i)
-        after += 2 * _across(asked, ahead, i)
-    assert checked > 20
-
-
-def _across(asked: Goal, work: Work, i: int) -> int:
-    residual, row = work.rows.residuals[i], asked.hard[i]
-    above = work.rows.values[i] - row[16] >= row[15] - work.rows.values[i]
-    if residual <= 0.0 or not above:
-        return 0
-    frames = work.rows.frames
-    return sum(not np.isinf(sideways_kernel(frames, row, second)[0]) for second in (False, True))
-
-
-@pytest.mark.parametrize("name", ["panda", "ur5e", "scara", "planar_rr"])
-def test_manipulability_is_that_of_the_jacobians_singular_values(name: str) -> None:
-    chain = builtin(name).chain
-    asked = make_goal(ConstraintSet(chain), np.zeros(chain.n), np.zeros(chain.n), link=-1)
-    J = np.empty((6, chain.n))
-    for seed in range(5):
-        q = np.random.default_rng(seed).uniform(*chain.sampling_bounds())
-        singular = np.linalg.svd(geometric(chain, q), compute_uv=False)[: min(6, chain.n)]
-        found = log_manipulability(asked, q, J)
-        if singular.min() > 1e-3:
-            assert found == pytest.approx(np.log(singular).sum(), abs=1e-5)
-        else:
-            assert found < -5.0
-
-
-@pytest.mark.parametrize("case", ["posture", "soft", "manipulability"])
-@pytest.mark.parametrize("seed", range(3))
-def test_slopes_are_those_of_differences(case: str, seed: int) -> None:
-    wish = PositionConstraint(SphereRegion([0.3, 0.3, 0.6], 0.05), weight=40.0)
-    asked = {
-        "posture": goal(metric=2.0),
-        "soft": goal(metric=0.5, soft=wish),
-        "manipulability": goal(metric=0.0, link=-1),
-    }[case]
-    q, work, H = close_by(seed), make_work(None, asked), np.empty((7, 7))
-    before = q.copy()
-    slope_kernel(asked, q, work, H)
-    np.testing.assert_array_equal(q, before)
-    slope = work.slope.copy()
-    h = 1e-6
-    for j in range(7):
-        step = h * np.eye(7)[j]
-        ahead, behind = (objective_kernel(asked, x, work) for x in (q + step, q - step))
-        assert slope[j] == pytest.approx((ahead - behind) / (2.0 * h), abs=2e-4)
-    np.testing.assert_allclose(H, H.T, atol=1e-12)
-    assert np.linalg.eigvalsh(H).min() > 0.0
