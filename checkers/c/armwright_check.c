@@ -230,9 +230,15 @@ static ball *coefficients; /* of piece i, joint j: terms numbers from (i n + j) 
 
 static const ball *polynomial(long i, long j) { return coefficients + (i * n + j) * terms; }
 
-static void read_transform(const node *object, ball T[3][4]) {
+static void read_transform(const node *object, ball T[3][4], const char *owner, long k) {
     const double *numbers = sequence(object, "transform", 12);
-    for (int k = 0; k < 12; k++) T[k / 4][k % 4] = exact(numbers[k]);
+    for (int i = 0; i < 12; i++) T[i / 4][i % 4] = exact(numbers[i]);
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) {
+            ball sum = exact(a == b ? -1.0 : 0.0);
+            for (int i = 0; i < 3; i++) sum = add(sum, mul(T[i][a], T[i][b]));
+            if (!(size(sum) <= ORTHONORMAL)) fail("the frame of %s %ld is no rotation", owner, k);
+        }
 }
 
 static void read_bodies(const node *rows) {
@@ -253,13 +259,7 @@ static void read_bodies(const node *rows) {
             one->leader = (int)index_of(follows[0], 0, n, "joint to follow");
             one->factor = exact(follows[1]), one->offset = exact(follows[2]);
         } else if (k >= n) fail("a joint of its own comes behind one that follows another");
-        read_transform(joint, one->T);
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) {
-                ball sum = exact(a == b ? -1.0 : 0.0);
-                for (int i = 0; i < 3; i++) sum = add(sum, mul(one->T[i][a], one->T[i][b]));
-                if (!(size(sum) <= ORTHONORMAL)) fail("the frame of joint %ld is no rotation", k);
-            }
+        read_transform(joint, one->T, "joint", k);
     }
 }
 
@@ -296,7 +296,7 @@ static void read_solids(const node *rows) {
         one->name = text(row, "name");
         for (one->label = 0; strcmp(solids[one->label].name, one->name); one->label++) {}
         one->body = (int)index_of(number(row, "body"), -1, body_count, "body");
-        read_transform(row, one->T);
+        read_transform(row, one->T, "solid", k);
         one->rounding = number(row, "rounding");
         one->margin = find(row, "margin") ? number(row, "margin") : 0.0;
         if (!strcmp(kind, "hull")) {

@@ -93,6 +93,8 @@ FALSE = {
     "another pair may touch": (field("may_touch", []), "nothing parts solids"),
     "a frame that is no rotation": (
         joint(transform=[1.001, *placed(0.0, 0.0, 0.0)[1:]]), "no rotation"),
+    "a solid's frame that is no rotation": (
+        solid(0, transform=[1.001, *placed(0.0, 0.0, 0.0)[1:]]), "no rotation"),
     "a joint of no kind": (joint(kind="ball"), "neither"),
     "a joint on itself": (joint(parent=0), "no body before"),
     "a joint that follows none": (joint(follows=[0, 1.0, 0.0]), "no joint to follow"),
