@@ -15,7 +15,8 @@ import scipy
 from kinematics.arrays import Array
 from obstacles.convex.hull import convex_hull
 from obstacles.convex.piece import Piece, PieceKind
-from obstacles.robots.allowed_pairs import allowed_pairs, sorted_pair
+from obstacles.robots.allowed_pairs import allowed_pairs
+from obstacles.robots.robot_geometry import sorted_pair
 from obstacles.scenes.scene import AllowedContact, Obstacle
 from obstacles.shapes.shape import Box, Capsule, Convex, Cylinder, HalfSpace, Shape, Sphere
 from planning.problem import Problem

@@ -20,7 +20,7 @@ from numba.core.targetconfig import ConfigStack
 from compiled.compiler import machine_code
 from compiled.compiler.fingerprint import describe, settled_fingerprint
 from compiled.compiler.machine_code import Code
-from compiled.compiler.place import loads, plain
+from compiled.compiler.store import loads, plain
 from compiled.compiler.symbol import name_by_content
 from compiled.compiler.target import target
 from compiled.writes import Use, writable

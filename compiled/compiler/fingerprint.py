@@ -13,7 +13,7 @@ import numpy as np
 from numba import types
 from numba.core.dispatcher import Dispatcher
 
-from compiled.compiler.place import plain
+from compiled.compiler.store import plain
 
 #: Instructions that read a constant by its index.
 _READS_CONSTANT = frozenset(dis.hasconst)

@@ -13,8 +13,8 @@ from compiled.compiler import machine_code, store
 from compiled.compiler.dispatcher import Kernel
 from compiled.compiler.fingerprint import callees
 from compiled.compiler.machine_code import Code
-from compiled.compiler.place import loads
 from compiled.compiler.signature import named_tuples, type_of_text, type_text
+from compiled.compiler.store import loads
 
 #: Begins a line of a kernel that Python calls.
 _DOOR = "python"

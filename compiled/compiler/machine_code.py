@@ -22,7 +22,7 @@ from compiled.compiler import library as kernel_library
 from compiled.compiler import store
 from compiled.compiler import symbol as kernel_symbol
 from compiled.compiler.library import Copied, Door, Whole
-from compiled.compiler.place import loads
+from compiled.compiler.store import loads
 from compiled.writes import Use
 
 #: Instructions of machine code beyond which a kernel is called and not copied into its callers.

@@ -17,7 +17,7 @@ from numba.core.bytecode import FunctionIdentity
 from numba.core.cpu_options import FastMathOptions
 
 from compiled.compiler.fingerprint import identity
-from compiled.compiler.place import HERE, here, loads, plain
+from compiled.compiler.store import HERE, here, loads, plain
 
 #: How numba begins the names of functions that it writes for expressions of whole arrays, and of
 #: what those call; addresses follow.

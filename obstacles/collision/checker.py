@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from obstacles.collision.state_check import verdict_in, verdict_on
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 
+_F = TypeVar("_F", bound=Callable[..., object])
 _FLOAT = np.dtype(np.float64)
 #: Parts of a motion at whose ends ``straight`` checks states.
 _CHECKED = 16
@@ -31,54 +32,20 @@ _NEAR_PAIRS = 64
 
 
 @cache
-def _edge_verdict() -> Callable[[ModelArrays, Array, Array, float], int]:
-    """``certify_edge`` without the check of its arguments' types, which would cost more than it."""
-    return direct(certify_edge, any_model(), np.zeros(1), np.zeros(1), 0.0)
-
-
-@cache
-def _state_verdict() -> Callable[[ModelArrays, Array, float], int]:
-    """``verdict_on`` likewise."""
-    return direct(verdict_on, any_model(), np.zeros(1), 0.0)
-
-
-@cache
-def _curve_verdict() -> Callable[[ModelArrays, Array, Array, Array, Array, float, Array], int]:
-    """``certify_curve`` likewise."""
-    none = np.zeros(1)
-    return direct(certify_curve, any_model(), none, none, none, none, 0.0, none)
-
-
-@cache
-def _check_straight() -> Callable[[ModelArrays, Array, Array, float, int, Array], int]:
-    """``check_straight`` likewise."""
-    none = np.zeros(1)
-    return direct(check_straight, any_model(), none, none, 0.0, 1, none)
-
-
-@cache
-def _mark_blocked() -> Callable[[ModelArrays, Array, float, Array, bool], bool]:
-    """``mark_blocked`` likewise."""
-    return direct(mark_blocked, any_model(), np.zeros((1, 1)), 0.0, np.zeros(1), False)
-
-
-@cache
-def _closest_pair() -> Callable[[ModelArrays, Array], tuple[float, int]]:
-    """``closest_pair`` likewise."""
-    return direct(closest_pair, any_model(), np.zeros(1))
-
-
-@cache
-def _closest_state() -> Callable[[ModelArrays, Array, float], tuple[float, int, int]]:
-    """``closest_state`` likewise."""
-    return direct(closest_state, any_model(), np.zeros((1, 1)), 0.0)
-
-
-@cache
-def _round_corners() -> Callable[[ModelArrays, Array, float, int, bool, bool, int, Array], int]:
-    """``round_corners`` likewise."""
-    corners = 0.0, 1, True, True, 0, np.zeros(1)
-    return direct(round_corners, any_model(), np.zeros((1, 1)), *corners)
+def _direct(kernel: _F) -> _F:
+    """A kernel without the check of its arguments' types, which would cost more than some do."""
+    row, rows = np.zeros(1), np.zeros((1, 1))
+    examples: dict[object, tuple[object, ...]] = {
+        certify_edge: (row, row, 0.0),
+        verdict_on: (row, 0.0),
+        certify_curve: (row, row, row, row, 0.0, row),
+        check_straight: (row, row, 0.0, 1, row),
+        mark_blocked: (rows, 0.0, row, False),
+        closest_pair: (row,),
+        closest_state: (rows, 0.0),
+        round_corners: (rows, 0.0, 1, True, True, 0, row),
+    }
+    return direct(kernel, any_model(), *examples[kernel])
 
 
 def any_model() -> ModelArrays:
@@ -170,7 +137,7 @@ class Checker:
         Exact where positive; 0 or below says that something touches, not how deep. Infinite, and no
         pair, where nothing can collide.
         """
-        distance, pair = _closest_pair()(self.model.arrays, np.ascontiguousarray(q, _FLOAT))
+        distance, pair = _direct(closest_pair)(self.model.arrays, np.ascontiguousarray(q, _FLOAT))
         return distance - self.slack, None if pair < 0 else self.model.pair_name(pair)
 
     def closest(self, states: Array, within: float) -> tuple[float, int, tuple[str, str] | None]:
@@ -182,7 +149,7 @@ class Checker:
         """
         points = np.ascontiguousarray(states, _FLOAT)
         beyond = float(within + self.slack)
-        found, state, pair = _closest_state()(self.model.arrays, points, beyond)
+        found, state, pair = _direct(closest_state)(self.model.arrays, points, beyond)
         return found - self.slack, state, None if pair < 0 else self.model.pair_name(pair)
 
     def gradient(self, q: Array, within: float) -> Proximity:
@@ -226,19 +193,21 @@ class Checker:
     def valid(self, q: Array) -> bool:
         """Whether a configuration keeps every pair its margin apart."""
         point = np.ascontiguousarray(q, _FLOAT)
-        return _state_verdict()(self.model.arrays, point, float(self.slack)) == FREE
+        return bool(_direct(verdict_on)(self.model.arrays, point, float(self.slack)) == FREE)
 
     def all_valid(self, states: Array) -> bool:
         """Whether all of the configurations (k, n) are ``valid``."""
         points = np.ascontiguousarray(states, _FLOAT)
         blocked = np.empty(len(points))
-        return not _mark_blocked()(self.model.arrays, points, float(self.slack), blocked, True)
+        return not _direct(mark_blocked)(
+            self.model.arrays, points, float(self.slack), blocked, True
+        )
 
     def each_valid(self, states: Array) -> NDArray[np.bool_]:
         """Verdicts ``valid`` of configurations (k, n), shape (k,)."""
         points = np.ascontiguousarray(states, _FLOAT)
         blocked = np.empty(len(points))
-        _mark_blocked()(self.model.arrays, points, float(self.slack), blocked, False)
+        _direct(mark_blocked)(self.model.arrays, points, float(self.slack), blocked, False)
         return np.asarray(blocked == 0.0)
 
     def bracket(self, q: Array) -> "Bracket":
@@ -261,13 +230,15 @@ class Checker:
         """Prove the joint motion b0 + b1 s + b2 s^2 + b3 s^3 over 0 <= s <= 1, each (n,)."""
         found, last = np.empty(4), np.zeros_like(b2) if b3 is None else b3
         c0, c1, c2, c3 = (np.ascontiguousarray(b, _FLOAT) for b in (b0, b1, b2, last))
-        verdict = _curve_verdict()(self.model.arrays, c0, c1, c2, c3, float(self.slack), found)
+        verdict = _direct(certify_curve)(
+            self.model.arrays, c0, c1, c2, c3, float(self.slack), found
+        )
         return self._motion(verdict, found)
 
     def free(self, start: Array, end: Array) -> bool:
         """Whether the straight joint motion is proved free: ``segment`` without the report."""
         a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
-        return _edge_verdict()(self.model.arrays, a, b, float(self.slack)) == FREE
+        return bool(_direct(certify_edge)(self.model.arrays, a, b, float(self.slack)) == FREE)
 
     def straight(self, start: Array, end: Array) -> Motion:
         """``segment`` at less cost: it answers no clearance (-inf).
@@ -278,7 +249,7 @@ class Checker:
         a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
         found = np.empty(4)
         arrays, slack = self.model.arrays, float(self.slack)
-        return self._motion(_check_straight()(arrays, a, b, slack, _CHECKED, found), found)
+        return self._motion(_direct(check_straight)(arrays, a, b, slack, _CHECKED, found), found)
 
     def round_corners(
         self, waypoints: Array, reaches: Array, halvings: int, *, keep: bool, smooth: bool
@@ -298,7 +269,7 @@ class Checker:
         """
         points, done = np.ascontiguousarray(waypoints, _FLOAT), 0
         while done < len(reaches):
-            done = _round_corners()(
+            done = _direct(round_corners)(
                 self.model.arrays, points, float(self.slack), halvings, keep, smooth, done, reaches
             )
             yield done

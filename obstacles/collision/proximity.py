@@ -28,7 +28,7 @@ from obstacles.collision.model.kernel_work import (
     workspace,
 )
 from obstacles.collision.model.model_arrays import ModelArrays
-from obstacles.collision.model.pair_groups import GROUP_SIZE
+from obstacles.collision.model.pair_groups import GROUP_SIZE, PARTED
 from obstacles.distance.bounds import balls_apart, quick_bound
 from obstacles.distance.bvh import FIRST, LAST, SKIP, gap
 from obstacles.distance.epa import contact
@@ -193,29 +193,14 @@ def closest_state(model: ModelArrays, states: Array, within: float) -> tuple[flo
 @kernel(allocates=False)
 def closest_in(model: ModelArrays, work: Workspace, best: float, exact: bool) -> tuple[float, int]:
     """The closest pair if it is closer than ``best`` [m], by triangles or else by covers."""
-    p, m = model.skipped.shape[0], model.scene.shape[0]
+    m = model.scene.shape[0]
     shapes, placed = Shapes(model.corners, model.tables, model.surfaces), work.placed
     buffer, stack = work.buffer, work.stack
     closest = -1
     for root in range(model.roots.shape[0]):
         i, k = model.roots[root, 0], model.roots[root, 1]
         if i < 0:
-            first, last, a, b = model.groups[-1 - i]
-            if balls_apart(placed, a, b) - model.own_margin >= best:
-                continue
-            if first < 0:
-                best, closest = _closest_parted(model, work, -1 - i, best, closest, exact)
-                continue
-            for s in range(first, last):
-                a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
-                # Most pairs of a robot of many pieces: a call would cost ten times as much.
-                if balls_apart(placed, a, b) - model.own_margin >= best:
-                    continue
-                distance = _closer(
-                    Pair(placed, a, placed, b), shapes, buffer, stack, model.own_margin, best, exact
-                )  # fmt: skip
-                if distance < best:
-                    best, closest = distance, p * m + s
+            best, closest = _closest_in_groups(model, work, -1 - i, best, closest, exact)
             continue
         if k >= 0:
             apart = model.scene[k, MARGIN] + model.margin
@@ -231,23 +216,24 @@ def closest_in(model: ModelArrays, work: Workspace, best: float, exact: bool) ->
 
 
 @kernel(allocates=False, inline="always")
-def _closest_parted(
+def _closest_in_groups(
     model: ModelArrays, work: Workspace, top: int, best: float, closest: int, exact: bool
 ) -> tuple[float, int]:
-    """``best`` and ``closest``, or those of a group that is parted where it holds a closer pair."""
+    """``best`` and ``closest``, or those of a group and what parts it if it holds a closer pair."""
     shapes, placed = Shapes(model.corners, model.tables, model.surfaces), work.placed
-    own, group, after = model.own_margin, top, top + model.groups[top, GROUP_SIZE]
+    own, group, after = model.own_margin, top, _group_after(model, top)
     first_pair = model.skipped.shape[0] * model.scene.shape[0]
     while group < after:
         first, last, a, b = model.groups[group]
         place_ball_once(model, work, a)
         place_ball_once(model, work, b)
         if balls_apart(placed, a, b) - own >= best:
-            group += last if first < 0 else 1
+            group = _group_after(model, group)
             continue
         group += 1
         for s in range(first, last if first >= 0 else first):
             a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+            # Most pairs of a robot of many pieces: a call would cost ten times as much.
             if balls_apart(placed, a, b) - own >= best:
                 continue
             pair = Pair(placed, a, placed, b)
@@ -255,6 +241,12 @@ def _closest_parted(
             if distance < best:
                 best, closest = distance, first_pair + s
     return best, closest
+
+
+@kernel(allocates=False, inline="always")
+def _group_after(model: ModelArrays, group: int) -> int:
+    """The group behind a group and all that part it."""
+    return int(group + (model.groups[group, GROUP_SIZE] if model.groups[group, PARTED] < 0 else 1))
 
 
 class NearPairs(NamedTuple):
@@ -349,21 +341,11 @@ def near_pairs(
 @kernel(allocates=False)
 def near_pairs_in(model: ModelArrays, work: Workspace, within: float, near: NearPairs) -> int:
     """``near_pairs`` where the robot stands in a workspace."""
-    p, m = model.skipped.shape[0], model.scene.shape[0]
-    count = 0
+    count, m = 0, model.scene.shape[0]
     for root in range(model.roots.shape[0]):
         i, k = model.roots[root, 0], model.roots[root, 1]
         if i < 0:
-            first, last, a, b = model.groups[-1 - i]
-            if balls_apart(work.placed, a, b) - model.own_margin > within:
-                continue
-            if first < 0:
-                count = _add_near_parted(model, work, -1 - i, within, near, count)
-                continue
-            for s in range(first, last):
-                a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
-                asked = _Asked(work.placed, a, model.joints[a], b, model.own_margin, p * m + s)
-                count = _add_near_pair(model, work, asked, within, near, count)
+            count = _add_near_groups(model, work, -1 - i, within, near, count)
         elif k >= 0:
             apart = model.scene[k, MARGIN] + model.margin
             asked = _Asked(model.scene, k, -1, i, apart, i * m + k)
@@ -374,18 +356,18 @@ def near_pairs_in(model: ModelArrays, work: Workspace, within: float, near: Near
 
 
 @kernel(allocates=False, inline="always")
-def _add_near_parted(
+def _add_near_groups(
     model: ModelArrays, work: Workspace, top: int, within: float, near: NearPairs, count: int
 ) -> int:
-    """``near_pairs`` of a group that is parted."""
+    """``near_pairs`` of a group and of what parts it."""
     placed, own, p, m = work.placed, model.own_margin, model.skipped.shape[0], model.scene.shape[0]
-    group, after = top, top + model.groups[top, GROUP_SIZE]
+    group, after = top, _group_after(model, top)
     while group < after:
         first, last, a, b = model.groups[group]
         place_ball_once(model, work, a)
         place_ball_once(model, work, b)
         if balls_apart(placed, a, b) - own > within:
-            group += last if first < 0 else 1
+            group = _group_after(model, group)
             continue
         group += 1
         for s in range(first, last if first >= 0 else first):

@@ -48,9 +48,6 @@ from obstacles.distance.gjk import CLOSER, FARTHER, STILL, separation
 from obstacles.distance.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
 from obstacles.distance.triangles.distance import surface_distance
 
-#: Pairs of two bodies from which on it pays to bring the balls of all pieces into the base frame.
-_FEW = 4
-
 
 class _Spheres(NamedTuple):
     """The spheres of one piece of the robot.
@@ -112,10 +109,7 @@ def verdict_in(model: ModelArrays, work: Workspace, q: Array, margin: float, ask
                 work.tally[LAST_GROUP] = 0.0
             return found
         verdict = max(verdict, found)
-    if many:
-        found = group_verdict(model, work, apart, asked)
-    else:
-        found = _self_pairs(model, work, apart, asked)
+    found = group_verdict(model, work, apart, asked)
     return found if found == COLLIDING else max(verdict, found)
 
 
@@ -178,46 +172,6 @@ def _body_against(
         if found == COLLIDING:
             return found
         verdict = max(verdict, found)
-    return verdict
-
-
-@kernel(allocates=False, inline="always")
-def _self_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
-    """The verdict on the robot's self-collision pairs where no group of them is parted."""
-    placed, pairs, joints = work.placed, model.self_pairs, model.joints
-    pieces = model.skipped.shape[0]
-    first_pair, verdict, ready = pieces * model.scene.shape[0], FREE, False
-    for group in range(model.groups.shape[0]):
-        start, stop, a, b = model.groups[group]
-        if balls_apart(placed, a, b) > apart + ROUNDING_ERROR:
-            continue
-        if not ready and stop - start > _FEW:
-            for i in range(pieces):
-                if joints[i] >= 0:
-                    place_ball(model.robot, i, work.frames, joints[i], placed)
-            ready = True
-        for s in range(start, stop):
-            i, j = pairs[s, 0], pairs[s, 1]
-            if ready and balls_apart(placed, i, j) > apart + ROUNDING_ERROR:
-                continue
-            if model.grid_axes[s, 0, 2] > 0.0:
-                proved = grid_bound(
-                    model.grid_axes, model.grid_starts, model.grid_values, s, joints[i], work.joints
-                )
-                if proved > apart + ROUNDING_ERROR:
-                    continue
-            found = _bracket_pair(
-                model.spheres,
-                _Spheres(model.sphere_starts[i], model.sphere_starts[i + 1], joints[i]),
-                _Spheres(model.sphere_starts[j], model.sphere_starts[j + 1], joints[j]),
-                work.frames, apart, asked.shape[0] > 1,
-            )  # fmt: skip
-            if found == UNDECIDED:
-                place_whole(model, work, i)
-                found = exact_verdict(model, work, placed, i, j, apart, asked, first_pair + s)
-            if found == COLLIDING:
-                return found
-            verdict = max(verdict, found)
     return verdict
 
 
@@ -366,8 +320,9 @@ def group_verdict(model: ModelArrays, work: Workspace, apart: float, asked: Indi
             continue
         found = _whole_verdict(model, work, here, apart, asked)
         if found == COLLIDING:
-            tally[MET_TWICE] = 1.0 if tally[LAST_GROUP] == here + 1 else 0.0
-            tally[LAST_GROUP] = here + 1
+            if tally[LAST_GROUP] >= 0.0:
+                tally[MET_TWICE] = 1.0 if tally[LAST_GROUP] == here + 1 else 0.0
+                tally[LAST_GROUP] = here + 1
             return found
         verdict = max(verdict, found)
     return verdict
@@ -377,7 +332,7 @@ def group_verdict(model: ModelArrays, work: Workspace, apart: float, asked: Indi
 def _whole_verdict(
     model: ModelArrays, work: Workspace, group: int, apart: float, asked: Indices
 ) -> int:
-    """The verdict on the pairs of a group that is not parted, by their balls, grids and solids."""
+    """The verdict on pairs of a group that is not parted, by balls, grids, spheres and solids."""
     first_pair, verdict = model.skipped.shape[0] * model.scene.shape[0], FREE
     for s in range(model.groups[group, FIRST_PAIR], model.groups[group, LAST_PAIR]):
         i, j = model.self_pairs[s, 0], model.self_pairs[s, 1]
@@ -392,8 +347,15 @@ def _whole_verdict(
             )  # fmt: skip
             if proved > apart + ROUNDING_ERROR:
                 continue
-        place_whole(model, work, i)
-        found = exact_verdict(model, work, work.placed, i, j, apart, asked, first_pair + s)
+        found = _bracket_pair(
+            model.spheres,
+            _Spheres(model.sphere_starts[i], model.sphere_starts[i + 1], model.joints[i]),
+            _Spheres(model.sphere_starts[j], model.sphere_starts[j + 1], model.joints[j]),
+            work.frames, apart, asked.shape[0] > 1,
+        )  # fmt: skip
+        if found == UNDECIDED:
+            place_whole(model, work, i)
+            found = exact_verdict(model, work, work.placed, i, j, apart, asked, first_pair + s)
         if found == COLLIDING:
             return found
         verdict = max(verdict, found)

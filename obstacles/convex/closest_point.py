@@ -21,8 +21,9 @@ _SLIVER = 1e-12
 _NO_AREA = 1e-24
 
 
-@kernel
-def _on_segment(p: Vector, a: Vector, b: Vector) -> Vector:
+@kernel(allocates=False)
+def nearest_on_segment(p: Vector, a: Vector, b: Vector) -> Vector:
+    """Point of segment ab nearest to p."""
     ab = subtract(b, a)
     length = dot(ab, ab)
     t = dot(subtract(p, a), ab)
@@ -60,11 +61,11 @@ def nearest_on_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
             best = dot(gap, gap)
     for edge in range(3):
         if edge == 0:
-            q = _on_segment(p, a, b)
+            q = nearest_on_segment(p, a, b)
         elif edge == 1:
-            q = _on_segment(p, b, c)
+            q = nearest_on_segment(p, b, c)
         else:
-            q = _on_segment(p, c, a)
+            q = nearest_on_segment(p, c, a)
         gap = subtract(p, q)
         if dot(gap, gap) < best:
             best, nearest = dot(gap, gap), q
@@ -190,7 +191,7 @@ def nearest_on_cylinder(p: Vector, radius: float, half: float) -> Nearest:
     return r * ux, r * uy, z, np.sqrt(max(dr, 0.0) ** 2 + max(dz, 0.0) ** 2)
 
 
-@kernel
+@kernel(allocates=False)
 def nearest_on_cone(p: Vector, radius: float, half: float) -> Nearest:
     """Nearest point of the boundary of a cone with apex z = half and base z = -half.
 
@@ -201,7 +202,7 @@ def nearest_on_cone(p: Vector, radius: float, half: float) -> Nearest:
     ux, uy = (p[0] / r, p[1] / r) if r > 0.0 else (1.0, 0.0)
     flat = (r, 0.0, p[2])
     rim, apex, center = (radius, 0.0, -half), (0.0, 0.0, half), (0.0, 0.0, -half)
-    on_slope, on_base = _on_segment(flat, apex, rim), _on_segment(flat, center, rim)
+    on_slope, on_base = nearest_on_segment(flat, apex, rim), nearest_on_segment(flat, center, rim)
     to_slope, to_base = subtract(flat, on_slope), subtract(flat, on_base)
     slope, base = dot(to_slope, to_slope), dot(to_base, to_base)
     nearest = on_slope if slope <= base else on_base

@@ -9,7 +9,9 @@ import math
 import numpy as np
 
 from compiled.kernel import kernel
+from compiled.vec3 import dot, row, subtract
 from kinematics.arrays import Array
+from obstacles.convex.closest_point import nearest_on_cone, nearest_on_segment
 from obstacles.distance.piece_set import (
     HALF,
     KIND,
@@ -78,10 +80,11 @@ def from_core(rows: Array, k: int, corners: Array, x: float, y: float, z: float)
         across, along = math.sqrt(x * x + y * y) - rows[k, SIZE], abs(z) - rows[k, SIZE + 1]
         return float(_outside(across, along, -np.inf) - rounding)
     if kind == _CONE:
-        r = math.sqrt(x * x + y * y)
-        return float(_from_cone(r, z, rows[k, SIZE], rows[k, SIZE + 1]) - rounding)
+        return float(nearest_on_cone((x, y, z), rows[k, SIZE], rows[k, SIZE + 1])[3] - rounding)
     if rows[k, STOP] - rows[k, START] == 2.0:
-        return float(_from_segment(corners, int(rows[k, START]), x, y, z) - rounding)
+        first, p = int(rows[k, START]), (x, y, z)
+        gap = subtract(p, nearest_on_segment(p, row(corners, first), row(corners, first + 1)))
+        return float(math.sqrt(dot(gap, gap)) - rounding)
     return _outside(
         abs(x - rows[k, MIDDLE]) - rows[k, HALF],
         abs(y - rows[k, MIDDLE + 1]) - rows[k, HALF + 1],
@@ -97,38 +100,3 @@ def _outside(a: float, b: float, c: float) -> float:
         return deepest
     a, b, c = max(a, 0.0), max(b, 0.0), max(c, 0.0)
     return math.sqrt(a * a + b * b + c * c)
-
-
-@kernel(allocates=False, inline="always")
-def _from_cone(r: float, z: float, radius: float, half: float) -> float:
-    """From a cone with apex z = half and base z = -half, r from its axis.
-
-    In the half-plane through the axis it is a triangle with a right angle on the axis.
-    """
-    height = 2.0 * half
-    slope = math.sqrt(height * height + radius * radius)
-    # Along the slope from the rim, and out of it.
-    beyond = (height * (r - radius) + radius * (z + half)) / slope
-    along = (height * (z + half) - radius * (r - radius)) / slope
-    if beyond <= 0.0 and z >= -half:
-        return max(beyond, -half - z)
-    if z < -half and r <= radius:
-        return -half - z
-    along = min(max(along, 0.0), slope)
-    a = r - radius + along * radius / slope
-    b = z + half - along * height / slope
-    return math.sqrt(a * a + b * b)
-
-
-@kernel(allocates=False, inline="always")
-def _from_segment(corners: Array, first: int, x: float, y: float, z: float) -> float:
-    """From the segment between two corners."""
-    ax, ay, az = x - corners[first, 0], y - corners[first, 1], z - corners[first, 2]
-    dx = corners[first + 1, 0] - corners[first, 0]
-    dy = corners[first + 1, 1] - corners[first, 1]
-    dz = corners[first + 1, 2] - corners[first, 2]
-    square = dx * dx + dy * dy + dz * dz
-    if square > 0.0:
-        share = min(max((ax * dx + ay * dy + az * dz) / square, 0.0), 1.0)
-        ax, ay, az = ax - share * dx, ay - share * dy, az - share * dz
-    return math.sqrt(ax * ax + ay * ay + az * az)

@@ -12,7 +12,7 @@ import numpy as np
 
 from kinematics.arrays import Indices
 from kinematics.caches.bounded_cache import bounded_cache
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
 from obstacles.scenes.scene import AllowedContact, Pair, Scene
 
 #: How deep what is named in ``touch_links`` or ``support`` may go, unless told otherwise [m].
@@ -92,11 +92,6 @@ def contacts_of(pairs: Iterable[Pair], reason: str) -> dict[Pair, AllowedContact
     known = pairs if isinstance(pairs, Mapping) else {}
     made = ((sorted_pair(*pair), known.get(pair)) for pair in pairs)
     return {pair: contact or AllowedContact(reason) for pair, contact in made}
-
-
-def sorted_pair(a: str, b: str) -> Pair:
-    """A pair of names in their order."""
-    return (a, b) if a < b else (b, a)
 
 
 def allowed_pairs(robot: RobotGeometry, scene: Scene) -> tuple[AllowedPair, ...]:

@@ -17,8 +17,8 @@ from kinematics.arrays import Array, typed
 from kinematics.errors import ArmwrightError, InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import forward
 from kinematics.pose import inverse
-from obstacles.robots.allowed_pairs import TOUCH_DEPTH, contacts_of, sorted_pair
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.allowed_pairs import TOUCH_DEPTH, contacts_of
+from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
 from obstacles.robots.tool import PART, parts_of
 from obstacles.scenes.scene import AllowedContact, Obstacle, Scene
 

@@ -13,7 +13,7 @@ import numpy as np
 from kinematics.errors import InvalidLinkName, InvalidOption
 from kinematics.model.chain import Link
 from obstacles.robots.finger_geometry import grown
-from obstacles.robots.robot_geometry import Pair, RobotGeometry
+from obstacles.robots.robot_geometry import Pair, RobotGeometry, sorted_pair
 from obstacles.robots.tool import PART, parts_of
 
 #: Last part of the names of shells: of a link's own margin, and of that between own links.
@@ -74,7 +74,7 @@ def _with_shells(
     ]
     every = [*robot.names, *shells.values()]
     allowed = {
-        (min(shell, other), max(shell, other)): _SHELL
+        sorted_pair(shell, other): _SHELL
         for link, shell in shells.items()
         for other in every
         if other != shell and (link, other) not in apart

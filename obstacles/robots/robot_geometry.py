@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
+from itertools import combinations
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
@@ -141,19 +142,16 @@ class RobotGeometry:
         own = tuple(p.placed(holder.T_joint_link) for p in attached.pieces())
         same = {name for name, j in zip(self.links, self.joints, strict=True) if j == holder.joint}
         allowed = dict(self.allowed)
-        allowed |= {_sorted(attached.id, name): "same body" for name in same}
-        allowed |= {_sorted(attached.id, name): "attached" for name in touched}
-        return RobotGeometry(
-            self.chain,
-            self.pieces + own,
-            self.links + (attached.id,) * len(own),
-            np.append(self.joints, np.full(len(own), holder.joint)),
-            np.append(self.solids, np.full(len(own), self.solids.max(initial=-1) + 1)),
-            allowed,
-            self.lint,
-            self.states,
-            fingers=self.fingers,
-            unseen=self.unseen,
+        allowed |= {sorted_pair(attached.id, name): "same body" for name in same}
+        allowed |= {sorted_pair(attached.id, name): "attached" for name in touched}
+        return replace(
+            self,
+            pieces=self.pieces + own,
+            links=self.links + (attached.id,) * len(own),
+            joints=np.append(self.joints, np.full(len(own), holder.joint)),
+            solids=np.append(self.solids, np.full(len(own), self.solids.max(initial=-1) + 1)),
+            allowed=allowed,
+            suspected={},
         )
 
 
@@ -319,8 +317,8 @@ def _element_pieces(
         ) from None
 
 
-def _shape(geometry: Geometry, meshes: Meshes | None) -> Shape | None:
-    """The shape of a solid; None of a file that holds none."""
+def plain_shape(geometry: Geometry) -> Shape | None:
+    """The shape of a solid that is no mesh; None of a mesh."""
     if isinstance(geometry, BoxGeometry):
         return Box(np.array(geometry.size))
     if isinstance(geometry, SphereGeometry):
@@ -329,6 +327,13 @@ def _shape(geometry: Geometry, meshes: Meshes | None) -> Shape | None:
         return Cylinder(geometry.radius, geometry.length)
     if isinstance(geometry, CapsuleGeometry):
         return Capsule(geometry.radius, geometry.length)
+    return None
+
+
+def _shape(geometry: Geometry, meshes: Meshes | None) -> Shape | None:
+    """The shape of a solid; None of a file that holds none."""
+    if not isinstance(geometry, MeshGeometry):
+        return plain_shape(geometry)
     uri = geometry.uri
     data = meshes(uri) if callable(meshes) else resolve_mesh(uri, meshes or {})
     kind = uri.rpartition(".")[2]
@@ -338,7 +343,8 @@ def _shape(geometry: Geometry, meshes: Meshes | None) -> Shape | None:
     return Mesh(*scaled(vertices, faces, geometry.scale))
 
 
-def _sorted(a: str, b: str) -> Pair:
+def sorted_pair(a: str, b: str) -> Pair:
+    """A pair of names in their order."""
     return (a, b) if a < b else (b, a)
 
 
@@ -359,8 +365,7 @@ def _allowed(
 
 def _same_body(bare: RobotGeometry) -> set[Pair]:
     joint = dict(zip(bare.links, bare.joints, strict=True))
-    names = bare.names
-    return {_sorted(a, b) for i, a in enumerate(names) for b in names[:i] if joint[a] == joint[b]}
+    return {sorted_pair(a, b) for a, b in combinations(bare.names, 2) if joint[a] == joint[b]}
 
 
 def _adjacent(bare: RobotGeometry, parents: Mapping[str, str]) -> set[Pair]:
@@ -371,7 +376,7 @@ def _adjacent(bare: RobotGeometry, parents: Mapping[str, str]) -> set[Pair]:
         while parent is not None and parent not in names:
             parent = parents.get(parent)
         if parent is not None:
-            pairs.add(_sorted(name, parent))
+            pairs.add(sorted_pair(name, parent))
     return pairs
 
 

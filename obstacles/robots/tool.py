@@ -28,8 +28,7 @@ from kinematics.root_frame import TOOL
 from kinematics.tree.description import JointDescription
 from kinematics.tree.fingers import Finger, Fingers
 from obstacles.convex.piece import Piece
-from obstacles.robots.allowed_pairs import sorted_pair
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
 from obstacles.scenes.scene import Obstacle
 from obstacles.shapes.shape import Box, Capsule, Cylinder, HalfSpace, Shape
 

@@ -7,18 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.errors import ArmwrightError, InvalidScene
-from kinematics.tree.description import (
-    BoxGeometry,
-    CapsuleGeometry,
-    CylinderGeometry,
-    Geometry,
-    MeshGeometry,
-    SphereGeometry,
-)
+from kinematics.tree.description import Geometry, MeshGeometry
 from kinematics.urdf.visuals import Color, UrdfVisuals, VisualElement
 from obstacles.convex.triangles import Triangles, join, piece_triangles
 from obstacles.meshes.mesh import load_painted, scaled
-from obstacles.shapes.shape import Box, Capsule, Cylinder, Shape, Sphere
+from obstacles.robots.robot_geometry import plain_shape
 
 #: Triangles of a whole robot: with their corners about 3 MB.
 MAX_TRIANGLES = 120_000
@@ -117,19 +110,9 @@ def _surfaces(
         data, kind = meshes(geometry.uri), geometry.uri.rpartition(".")[2]
         parts = load_painted(data, kind)
         return [(color, Triangles(*scaled(v, f, geometry.scale))) for color, v, f in parts]
-    return [(None, join(piece_triangles(piece) for piece in _shape(geometry).pieces()))]
-
-
-def _shape(
-    geometry: BoxGeometry | SphereGeometry | CylinderGeometry | CapsuleGeometry,
-) -> Shape:
-    if isinstance(geometry, BoxGeometry):
-        return Box(np.array(geometry.size))
-    if isinstance(geometry, SphereGeometry):
-        return Sphere(geometry.radius)
-    if isinstance(geometry, CylinderGeometry):
-        return Cylinder(geometry.radius, geometry.length)
-    return Capsule(geometry.radius, geometry.length)
+    shape = plain_shape(geometry)
+    assert shape is not None
+    return [(None, join(piece_triangles(piece) for piece in shape.pieces()))]
 
 
 def _within(bodies: list[VisualBody], most: int) -> tuple[VisualBody, ...]:

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
-from obstacles.robots.allowed_pairs import contacts_of, sorted_pair
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.allowed_pairs import contacts_of
+from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
 from obstacles.scenes.scene import Scene
 from planning.preflight.goals import find_goals
 from planning.preflight.preflight import check_start

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
-from obstacles.robots.allowed_pairs import contacts_of, sorted_pair
+from obstacles.robots.allowed_pairs import contacts_of
+from obstacles.robots.robot_geometry import sorted_pair
 from obstacles.scenes.scene import AllowedContact
 from planning.goal_choice.goal_order import MAX_LONGER
 from planning.options import Options

@@ -12,10 +12,10 @@ from kinematics.forward import forward
 from kinematics.pose import inverse
 from obstacles.collision.checker import Checker
 from obstacles.projection.projection import project
-from obstacles.robots.allowed_pairs import TOUCH_DEPTH, contacts_of, sorted_pair
+from obstacles.robots.allowed_pairs import TOUCH_DEPTH, contacts_of
 from obstacles.robots.attachment import Attachment, hold
 from obstacles.robots.finger_geometry import moved_links, swept_cover, with_fingers
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
 from obstacles.scenes.scene import AllowedContact, Obstacle, Scene
 from planning.sequence.stage import Into, Load, Pair
 

@@ -13,8 +13,7 @@ from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.convex.piece import PieceKind
-from obstacles.robots.allowed_pairs import sorted_pair
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
 from obstacles.scenes.scene import Scene
 from planning.proof.collision.pair_table import joints_of
 from planning.proof.collision.proposals import ProposalRows, packed_pieces

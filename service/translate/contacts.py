@@ -5,8 +5,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from armwright_wire.scenes.scene import AllowedItem, LimitedPair
-from obstacles.robots.allowed_pairs import Overlap, allowed_pairs, sorted_pair
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.allowed_pairs import Overlap, allowed_pairs
+from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
 from obstacles.scenes.scene import AllowedContact, Pair, Scene
 
 

@@ -21,9 +21,8 @@ from obstacles.robots.allowed_pairs import (
     Overlap,
     allowed_pairs,
     piece_pairs,
-    sorted_pair,
 )
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
 from obstacles.scenes.scene import Scene
 from planning.proof.collision.interval_check import RESOLUTION, AllowedRows, check_overlaps
 from planning.proof.collision.pair_table import PairArrays, PairTable, any_pairs

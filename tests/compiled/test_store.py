@@ -5,25 +5,25 @@ from pathlib import Path
 
 import pytest
 
-from compiled.compiler import dispatcher, place
+from compiled.compiler import dispatcher, store
 from kinematics.model.dh_table import DhRow
 from tests.compiled.programs import python
 
 
 def test_names_are_those_of_a_checkout_and_lead_here() -> None:
     for name in ("planning.problem", "armwright._src.planning.problem"):
-        assert place.plain(name) == "planning.problem"
-        assert place.here(name) == "planning.problem"
-    assert place.here("numpy.linalg") == "numpy.linalg"
+        assert store.plain(name) == "planning.problem"
+        assert store.here(name) == "planning.problem"
+    assert store.here("numpy.linalg") == "numpy.linalg"
 
 
 def test_a_wheel_reads_what_a_checkout_wrote(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(place, "HERE", "armwright._src.")
-    assert place.here("planning.problem") == "armwright._src.planning.problem"
-    assert place.here("json.decoder") == "json.decoder"
+    monkeypatch.setattr(store, "HERE", "armwright._src.")
+    assert store.here("planning.problem") == "armwright._src.planning.problem"
+    assert store.here("json.decoder") == "json.decoder"
     with pytest.raises(ModuleNotFoundError, match=r"armwright\._src"):
-        place.loads(pickle.dumps(DhRow("revolute", 1.0, 0.0, 0.0, 0.0), protocol=4))
-    assert place.loads(pickle.dumps([1, "planning.problem"])) == [1, "planning.problem"]
+        store.loads(pickle.dumps(DhRow("revolute", 1.0, 0.0, 0.0, 0.0), protocol=4))
+    assert store.loads(pickle.dumps([1, "planning.problem"])) == [1, "planning.problem"]
 
 
 def test_a_checkout_reads_what_a_wheel_wrote() -> None:
@@ -31,8 +31,8 @@ def test_a_checkout_reads_what_a_wheel_wrote() -> None:
     content = pickle.dumps(row, protocol=0).replace(
         b"kinematics.model", b"armwright._src.kinematics.model"
     )
-    assert repr(place.loads(content)) == repr(row)
-    assert isinstance(place.loads(content), DhRow)
+    assert repr(store.loads(content)) == repr(row)
+    assert isinstance(store.loads(content), DhRow)
 
 
 PROGRAM = """
