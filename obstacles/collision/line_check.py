@@ -72,11 +72,7 @@ def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) ->
     Its end is checked first: a state costs a tenth of a proof, and a thousandth of one that finds
     a contact at the end of a motion which comes near others before.
     """
-    return _edge_in(model, workspace(model), start, end, margin)
-
-
-@kernel(allocates=False, inline="always")
-def _edge_in(model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float) -> int:
+    work = workspace(model)
     verdict = verdict_in(model, work, end, margin, on_stack(1).view(np.int64))
     if verdict != FREE:
         return verdict

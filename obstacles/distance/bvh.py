@@ -5,7 +5,6 @@ all below it by going on at its ``skips``. Halved at the median along the longes
 "Real-time collision detection", chapter 6.
 """
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -196,13 +195,6 @@ def grow_kernel(
         top += 2
     _close(low, high, items, most, nodes[:made])
     return made
-
-
-@lru_cache(maxsize=4096)
-def node_count(m: int, most: int = LEAF) -> int:
-    """Nodes of the tree over m boxes, at most so many in a leaf."""
-    half = m // 2
-    return min(m, 1) if m <= most else 1 + node_count(half, most) + node_count(m - half, most)
 
 
 def tree(low: Array, high: Array, most: int = LEAF) -> Tree:

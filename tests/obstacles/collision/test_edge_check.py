@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.tree.srdf import parse_srdf
-from kinematics.urdf.urdf import parse_urdf
+from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import (
     COLLIDING,
@@ -17,17 +14,10 @@ from obstacles.collision.edge_check import (
     certify_in,
 )
 from obstacles.collision.model.kernel_work import workspace
-from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Cylinder, HalfSpace, Sphere
+from tests.obstacles.arms import builtin
 from tests.obstacles.solids import random_transform
-
-
-def builtin(name: str) -> RobotGeometry:
-    description, semantics = parse_urdf(builtin_urdf(name)), parse_srdf(builtin_srdf(name))
-    return robot_geometry(
-        serial_chain(description, semantics=semantics), description, {}, semantics
-    )
 
 
 def clutter(random: np.random.Generator, count: int = 6) -> Scene:

@@ -12,7 +12,6 @@ from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker, Motion
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
-from obstacles.shapes.shape import Sphere
 from tests.obstacles.arms import builtin, cup, gantry, mesh_shape
 from tests.obstacles.solids import random_transform
 
@@ -89,21 +88,3 @@ def test_fcl_finds_no_collision_on_a_proved_edge_among_meshes(seed: int) -> None
         near = checker.clearance(start)[0]
         seen["in a hull"] += motion.free and 0.0 < near < 0.1
     assert min(seen.values()) > 3
-
-
-def test_an_edge_past_a_ball_is_free_to_a_hair() -> None:
-    """The distance of a line from a point is known: the proof refuses nothing it need not."""
-    random = np.random.default_rng(5)
-    robot = gantry('<sphere radius="0.1"/>')
-    for _ in range(20):
-        start, end, point = random.normal(size=(3, 3))
-        along = (end - start) / np.linalg.norm(end - start)
-        share = np.clip((point - start) @ along, 0.0, np.linalg.norm(end - start))
-        gap = float(np.linalg.norm(point - start - share * along)) - 0.1
-        if gap < 0.01:
-            continue
-        T = np.eye(4)
-        T[:3, 3] = point
-        for radius, free in ((gap - 1e-5, True), (gap + 1e-5, False)):
-            scene = Scene((Obstacle("ball", Sphere(radius), T),))
-            assert Checker.of(robot, scene).free(start, end) is free

@@ -9,14 +9,15 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotState
 from kinematics.model.chain import Chain, Limits, Link
 from kinematics.pose import transform
-from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.tree.srdf import parse_srdf
-from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.convex.piece import Piece
-from obstacles.distance.signed_distance import ACCURACY, halfspace_distance, signed_distance
-from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.distance.signed_distance import (
+    ACCURACY,
+    convex_distance,
+    halfspace_distance,
+    signed_distance,
+)
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import (
     Box,
@@ -30,6 +31,7 @@ from obstacles.shapes.shape import (
     Shape,
     Sphere,
 )
+from tests.obstacles.arms import builtin
 from tests.obstacles.solids import KINDS, coal_distance, random_solid, random_transform
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -76,6 +78,7 @@ def test_distances_agree_with_coal(a: str, b: str) -> None:
         world.margins = np.zeros(1)
         world.set_configuration(np.zeros(1))
         assert world.distance(0) == pytest.approx(expected, abs=2e-7)
+        assert convex_distance(one, T_a, other, T_b) == pytest.approx(expected, abs=1e-6)
     assert apart
 
 
@@ -194,14 +197,8 @@ def test_collisions_name_each_pair_once_deepest_first() -> None:
     assert world.clearance(np.array([2.0])).distance == pytest.approx(0.6, abs=1e-7)
 
 
-def panda() -> RobotGeometry:
-    description, semantics = parse_urdf(builtin_urdf("panda")), parse_srdf(builtin_srdf("panda"))
-    chain = serial_chain(description, semantics=semantics)
-    return robot_geometry(chain, description, {}, semantics)
-
-
 def test_clearance_is_the_least_over_all_pairs() -> None:
-    robot = panda()
+    robot = builtin("panda")
     random = np.random.default_rng(25)
     shapes = [Box(np.array([0.2, 0.3, 0.4])), Cylinder(0.1, 0.5), Cone(0.2, 0.3), Sphere(0.1)]
     obstacles = [

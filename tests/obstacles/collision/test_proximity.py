@@ -21,7 +21,8 @@ from obstacles.distance.piece_set import CENTER, PieceSet
 from obstacles.distance.signed_distance import signed_distance
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import HalfSpace
-from tests.obstacles.collision.test_edge_check import builtin, clutter
+from tests.obstacles.arms import builtin
+from tests.obstacles.collision.test_edge_check import clutter
 from tests.obstacles.solids import KINDS, NO_VERTICES, random_solid, random_transform
 from tests.planning.scenes import box
 

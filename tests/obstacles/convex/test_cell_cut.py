@@ -1,12 +1,50 @@
 """Cells cut by planes are what Qhull makes of the half-spaces, whatever is cut off."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from kinematics.arrays import Array, Indices
 from obstacles.convex.sphere_cover import cut_cell
-from tests.obstacles.polytopes import Polytope, polytope, random_polytope, volume
+
+
+class Polytope(NamedTuple):
+    """A convex polytope.
+
+    Args:
+        corners: Shape (v, 3) [m].
+        edges: Pairs of corners, diagonals of faces among them, shape (e, 2).
+        planes: Unit normal and offset of each face, n.x <= o inside, shape (f, 4).
+    """
+
+    corners: Array
+    edges: Indices
+    planes: Array
+
+
+def polytope(points: Array) -> Polytope:
+    """The hull of points (k, 3) that are not flat."""
+    hull = ConvexHull(points)
+    number = np.full(len(points), -1)
+    number[hull.vertices] = np.arange(len(hull.vertices))
+    triangles = number[hull.simplices]
+    pairs = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    planes = np.column_stack([hull.equations[:, :3], -hull.equations[:, 3]])
+    edges = np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int64)
+    return Polytope(points[hull.vertices].copy(), edges, np.unique(planes, axis=0))
+
+
+def random_polytope(random: np.random.Generator, count: int = 20) -> Polytope:
+    """The hull of ``count`` random points, longer along some axes."""
+    return polytope(random.normal(size=(count, 3)) * random.uniform(0.1, 1.0, 3))
+
+
+def volume(points: Array) -> float:
+    """Volume of the hull of points [m^3], 0 where they are too few."""
+    return float(ConvexHull(points).volume) if len(points) > 3 else 0.0
+
 
 CUBE = polytope(np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float))
 

@@ -262,23 +262,6 @@ def distance(a: Piece, b: Piece) -> float:
     return convex_distance(a, a.T_owner_piece, b, b.T_owner_piece)
 
 
-@pytest.mark.parametrize(("one", "other"), list(itertools.combinations_with_replacement(KINDS, 2)))
-def test_it_is_the_distance_of_coal(one: str, other: str) -> None:
-    random = np.random.default_rng(1)
-    apart = 0
-    for _ in range(12):
-        T_a, T_b = random_transform(random, 0.6), random_transform(random, 0.6)
-        a, coal_a = random_solid(random, one, T_a)
-        b, coal_b = random_solid(random, other, T_b)
-        expected = coal_distance(coal_a, T_a, coal_b, T_b)
-        if expected <= 1e-6:
-            assert convex_distance(a, T_a, b, T_b) <= 1e-6
-            continue
-        apart += 1
-        assert convex_distance(a, T_a, b, T_b) == pytest.approx(expected, abs=1e-6)
-    assert apart > 2
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_it_is_a_lower_bound_whichever_comes_first(seed: int) -> None:
     for a, b in itertools.combinations(convex_pieces(np.random.default_rng(seed)), 2):

@@ -1,5 +1,6 @@
 """Projection: against convex optimisation, and by what defines it."""
 
+import tracemalloc
 from collections.abc import Callable
 
 import numpy as np
@@ -11,7 +12,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from kinematics.pose import inverse, transform
 from obstacles.projection.fcl_projection import FclProjector
-from obstacles.projection.projection import Projector, project, without_points
+from obstacles.projection.projection import Projector, pack_obstacles, project, without_points
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import (
     Box,
@@ -374,3 +375,20 @@ def test_points_on_an_object_are_left_out_of_a_cloud() -> None:
         outside = np.linalg.norm(np.maximum(np.abs(local) - half, 0.0), axis=1)
         np.testing.assert_array_equal(left.points, points[outside > margin])
     assert without_points(scene, "cloud", "crate", 2.0).ids == ("crate",)
+
+
+def test_loose_triangles_take_memory_by_their_number_not_its_square() -> None:
+    random, count = np.random.default_rng(3), 2000
+    middles = random.uniform(-1.0, 1.0, (count, 1, 3))
+    corners = (middles + 0.01 * random.normal(size=(count, 3, 3))).reshape(-1, 3)
+    scene = Scene(
+        [Obstacle("loose", Mesh(corners, np.arange(3 * count).reshape(-1, 3)), np.eye(4))]
+    )
+    tracemalloc.start()
+    try:
+        arrays = pack_obstacles(scene.obstacles)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(arrays.triangles) >= count
+    assert peak < 50e6, "a square matrix of its corners has 288 MB"

@@ -159,19 +159,10 @@ def test_a_motion_is_blocked_where_a_state_is_that_is_looked_at(parts: int, look
     assert outcomes == {True, False}
 
 
-def robot_named(name: str) -> RobotGeometry:
-    """A built-in robot, or an arm with links on joints that mimic others."""
-    if name != "mimic joint":
-        return builtin(name)
-    description = parse_urdf(urdf())
-    return robot_geometry(serial_chain(description, tip_link="flange"), description)
-
-
 @pytest.mark.parametrize("name", ["panda", "ur5e", "mimic joint"])
 def test_no_state_of_any_number_differs_from_fcl(name: str) -> None:
-    robot, random = robot_named(name), np.random.default_rng(71)
-    reach = float(np.linalg.norm(robot.chain.offsets[:, :3, 3], axis=1).sum()) + 0.1
-    scene = clutter(random, reach)
+    robot, random = robot_of(name), np.random.default_rng(71)
+    scene = around(robot, random)
     checker, judge = Checker.of(robot, scene), FclJudge(robot, scene)
     lower, upper = robot.chain.sampling_bounds()
     outcomes = set()
