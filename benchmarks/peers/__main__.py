@@ -30,7 +30,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.result import Plan
-from planning.sampling.space import joint_space, state_of
+from planning.sampling.search import joint_space, state_of
 
 #: OMPL's own limit for simplifying a path [s].
 _SIMPLIFY = 1.0

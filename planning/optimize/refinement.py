@@ -13,7 +13,7 @@ from planning.optimize.objective import value
 from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import Task
-from planning.timing.failure import TimingFailed
+from planning.timing.options import TimingFailed
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.path import JointPath
 from planning.timing.time_scaling import dilate

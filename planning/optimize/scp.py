@@ -33,7 +33,7 @@ from planning.optimize.objective import value
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.rows import Rows, end_rows, limit_rows, stack_rows
 from planning.optimize.task import Task
-from planning.timing.failure import TimingFailed
+from planning.timing.options import TimingFailed
 from planning.timing.speed.effort_limits import estimate_uses, slow_down
 from planning.timing.time_scaling import ScaledTime, fitting_factor, peak_ratios
 from planning.values.deadline import Deadline

@@ -19,8 +19,8 @@ from planning.clearance.levels import (
 from planning.clearance.moving_away import join_ends, keep_clear, retreat
 from planning.clearance.time_shortcut import MAX_WAYPOINTS, quicken
 from planning.constrained.checker import ConstrainedChecker
+from planning.constrained.path_constraints import Relaxation, find_relaxation
 from planning.constrained.projected_rrt import Manifold, shortcut_along
-from planning.constrained.relaxation import Relaxation, find_relaxation
 from planning.options import Options
 from planning.pipeline.diagnosis import Diagnosis, diagnose
 from planning.pipeline.planners import CASCADE

@@ -46,10 +46,9 @@ from planning.proof.violation import Violation
 from planning.result import Failure, Path, Plan, Stages
 from planning.stops.certificate import StopCertificate
 from planning.timing.choice import chosen_parametrization
-from planning.timing.failure import TimingFailed
 from planning.timing.method import TimingMethod
 from planning.timing.motion_timing import motions
-from planning.timing.options import Solver, TimingOptions
+from planning.timing.options import Solver, TimingFailed, TimingOptions
 from planning.timing.parametrization import TimeParametrization, timing_report
 from planning.timing.time_scaling import ScaledTime, with_duration
 from planning.tool_motions.tool_path import ToolPath

@@ -19,9 +19,8 @@ from planning.proof.certificate import Certificate, certify_limits
 from planning.proof.violation import Violation
 from planning.stops.certificate import StopCertificate, certify_path_stops
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
-from planning.timing.failure import TimingFailed
 from planning.timing.method import JerkLimited, JerkUse, timing_method
-from planning.timing.options import Interpolation, TimingOptions
+from planning.timing.options import Interpolation, TimingFailed, TimingOptions
 from planning.timing.parametrization import TimeParametrization, TimingReport, timing_report
 from planning.timing.path.blend import merge
 from planning.timing.path.path import JointPath

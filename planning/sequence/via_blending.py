@@ -28,7 +28,7 @@ from planning.sequence.stage import passing_distance
 from planning.sequence.step import Step, constraint_set
 from planning.sequence.world import Cell, Cells
 from planning.timing.choice import chosen_parametrization
-from planning.timing.failure import TimingFailed
+from planning.timing.options import TimingFailed
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.blend import (
     certified_reaches,

@@ -7,9 +7,8 @@ from typing import ClassVar, NamedTuple
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
-from planning.timing.failure import TimingFailed
 from planning.timing.jerk.jerk_limited import time_path_with_jerk
-from planning.timing.options import TOPPRA_SOLVERS, Method, Solver
+from planning.timing.options import TOPPRA_SOLVERS, Method, Solver, TimingFailed
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import effort_rows, slow_down
 from planning.timing.speed.minimum_time import time_path

@@ -21,9 +21,8 @@ from kinematics.trajectory.trajectory import Trajectory, stay
 from obstacles.collision.checker import Checker, any_model
 from obstacles.collision.lanes.check import mark_blocked
 from obstacles.collision.model.model_arrays import ModelArrays
-from planning.timing.failure import TimingFailed
 from planning.timing.jerk.even_corners import Pieces
-from planning.timing.options import TimingOptions
+from planning.timing.options import TimingFailed, TimingOptions
 from planning.timing.parametrization import (
     TimeParametrization,
     merge_repeated,

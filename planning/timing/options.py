@@ -1,11 +1,18 @@
-"""Options of timing: the method, shares of the limits, what is carried."""
+"""Options of timing: the method, shares of the limits, what is carried; and its failure."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
 
-from kinematics.errors import InvalidOption
+from kinematics.errors import ArmwrightError, InvalidOption
+
+
+class TimingFailed(ArmwrightError):
+    """No timing of the path was found: the solver gave up, or its answer was not finite."""
+
+    code: ClassVar[str] = "INVALID_MOTION_PLAN"
+
 
 Method = Literal["toppra", "spline", "jerk_limited"]
 METHODS: tuple[Method, ...] = ("toppra", "spline", "jerk_limited")

@@ -12,7 +12,6 @@ from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.estimate import estimate_limits
-from planning.timing.failure import TimingFailed
 from planning.timing.jerk.even_corners import (
     Pieces,
     fastest_reaches,
@@ -20,7 +19,7 @@ from planning.timing.jerk.even_corners import (
     time_even_corners,
 )
 from planning.timing.method import JerkUse, PathLimits, TimingMethod
-from planning.timing.options import Method, Solver
+from planning.timing.options import Method, Solver, TimingFailed
 from planning.timing.path.blend import blend, merge
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import slow_down

@@ -23,8 +23,7 @@ from kinematics.trajectory.polynomial import (
     widen_inside_kernel,
 )
 from kinematics.trajectory.trajectory import Trajectory
-from planning.timing.failure import TimingFailed
-from planning.timing.options import Solver
+from planning.timing.options import Solver, TimingFailed
 
 
 @kernel

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
-from planning.timing.failure import TimingFailed
+from planning.timing.options import TimingFailed
 
 #: A speed is found when a step changes it by less than this part.
 CONVERGED = 1e-15

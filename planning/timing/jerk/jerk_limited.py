@@ -17,7 +17,6 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
-from planning.timing.failure import TimingFailed
 from planning.timing.jerk.double_s import line_phases
 from planning.timing.jerk.grid import (
     Extra,
@@ -31,6 +30,7 @@ from planning.timing.jerk.grid import (
     time_kernel,
 )
 from planning.timing.jerk.interior_point import least_time_kernel
+from planning.timing.options import TimingFailed
 from planning.timing.path.path import SAME_DIRECTION, JointPath, composed_pieces
 from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, fitting_factor
 

@@ -20,7 +20,7 @@ from ruckig import Trajectory as Phases
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory.trajectory import Trajectory, stay
-from planning.timing.failure import TimingFailed
+from planning.timing.options import TimingFailed
 
 #: Joints in phase on a straight line where the states allow one, or arriving together only.
 Synchronization = Literal["phase", "time"]

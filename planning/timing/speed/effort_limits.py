@@ -21,8 +21,8 @@ from kinematics.arrays import Array
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
-from planning.timing.failure import TimingFailed
 from planning.timing.jerk.grid import KnotLimits
+from planning.timing.options import TimingFailed
 from planning.timing.path.path import JointPath, piece_values
 from planning.timing.speed.constraints import Cells
 from planning.timing.time_scaling import ScaledTime

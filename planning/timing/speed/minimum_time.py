@@ -27,8 +27,7 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
-from planning.timing.failure import TimingFailed
-from planning.timing.options import Solver
+from planning.timing.options import Solver, TimingFailed
 from planning.timing.path.path import JointPath, composed_pieces
 from planning.timing.speed.constraints import Cells, cells, guards
 from planning.timing.speed.effort_limits import slow_down, with_effort_rows

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.arrays import Array
-from planning.timing.failure import TimingFailed
+from planning.timing.options import TimingFailed
 from planning.timing.path.path import JointPath, piece_values
 from planning.timing.speed.constraints import Cells
 from planning.timing.speed.effort_limits import knot_limits

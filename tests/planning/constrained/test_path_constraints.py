@@ -8,10 +8,11 @@ from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.path_constraints import (
+    Relaxation,
     apply_path_constraints,
     check_widths,
+    find_relaxation,
 )
-from planning.constrained.relaxation import Relaxation, find_relaxation
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import JointConstraint, PositionConstraint
 from planning.constraints.kinds.region import PlaneRegion

@@ -5,7 +5,7 @@ import pytest
 
 import armwright as aw
 from kinematics.errors import InvalidOption
-from planning.timing.failure import TimingFailed
+from planning.timing.options import TimingFailed
 
 POINTS = np.array([[0.0, 0.0], [1.0, 0.2], [1.2, 1.0], [0.3, 1.4]])
 LIMITS = {"velocity": [1.0, 1.5], "acceleration": [4.0, 3.0], "jerk": [40.0, 30.0]}

@@ -13,8 +13,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.robots import builtin_chain
 from planning.retiming.retime import PathToTime, Retimed, retime
-from planning.timing.failure import TimingFailed
-from planning.timing.options import Payload, TimingOptions
+from planning.timing.options import Payload, TimingFailed, TimingOptions
 
 NAMES = ("a", "b", "c")
 POINTS = np.random.default_rng(0).uniform(-1.0, 1.0, (6, 3))

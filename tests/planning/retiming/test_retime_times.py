@@ -15,9 +15,8 @@ from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.retiming.retime import PathToTime, Retimed, retime
 from planning.retiming.state_motion import time_states
-from planning.timing.failure import TimingFailed
 from planning.timing.jerk.state_to_state import JointState
-from planning.timing.options import TimingOptions
+from planning.timing.options import TimingFailed, TimingOptions
 
 FOUR = np.array([[0.0, 0.0], [1.0, 0.2], [1.2, 1.0], [0.3, 1.4]])
 TIMES = [5.0, 5.5, 6.25, 7.0]

@@ -19,8 +19,7 @@ from planning.sampling.planners import (
     describe_options,
     planner_by_name,
 )
-from planning.sampling.search import sample
-from planning.sampling.space import problem
+from planning.sampling.search import problem, sample
 from planning.values.deadline import Deadline
 from tests.planning.sampling.world import GOAL, START, WALL, plane
 

@@ -14,8 +14,7 @@ from planning.result import Attempt
 from planning.sampling import search as module
 from planning.sampling import search as search_module
 from planning.sampling.planners import PLANNERS, planner_by_name
-from planning.sampling.search import Roadmap, Watch, sample
-from planning.sampling.space import problem, solution, state_of
+from planning.sampling.search import Roadmap, Watch, problem, sample, solution, state_of
 from planning.values.deadline import Deadline
 from tests.planning.sampling.world import ENCLOSED, GOAL, SHORTEST, START, WALL, plane
 from tests.planning.scenes import HOME, builtin, pillar, shelf

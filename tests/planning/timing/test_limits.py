@@ -15,8 +15,8 @@ from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.limits.effort import effort_uses
-from planning.timing.failure import TimingFailed
 from planning.timing.method import JerkLimited, TimeOptimal, TimingMethod
+from planning.timing.options import TimingFailed
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.blend import blend, largest_reaches
 from planning.timing.speed.minimum_time import time_path

@@ -12,7 +12,6 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.trajectory.trajectory import Trajectory
-from planning.timing.failure import TimingFailed
 from planning.timing.jerk.double_s import line_phases
 from planning.timing.jerk.grid import (
     JerkLimits,
@@ -25,6 +24,7 @@ from planning.timing.jerk.grid import (
 )
 from planning.timing.jerk.interior_point import least_time_kernel
 from planning.timing.jerk.jerk_limited import TOLERANCE, _start, time_path_with_jerk
+from planning.timing.options import TimingFailed
 from planning.timing.path.blend import blend, largest_reaches, reach_for_deviation
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import effort_rows

@@ -6,8 +6,8 @@ from ruckig import InputParameter, Ruckig
 from ruckig import Trajectory as Phases
 
 from kinematics.errors import InvalidOption, InvalidTrajectory
-from planning.timing.failure import TimingFailed
 from planning.timing.jerk.state_to_state import JointState, state_to_state
+from planning.timing.options import TimingFailed
 
 LIMITS = np.array([[800.0], [2000.0], [20000.0]])
 REST = JointState(np.zeros(1))

@@ -7,7 +7,7 @@ from dynamics.model.payload import with_motors
 from kinematics.arrays import Array
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
-from planning.timing.failure import TimingFailed
+from planning.timing.options import TimingFailed
 from planning.timing.speed.effort_limits import knot_limits, slow_down
 from planning.timing.time_scaling import ScaledTime
 from planning.values.limits import EffortLimits

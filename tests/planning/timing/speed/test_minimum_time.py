@@ -13,8 +13,7 @@ from scipy.optimize import linprog
 from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
-from planning.timing.failure import TimingFailed
-from planning.timing.options import TOPPRA_SOLVERS, Solver
+from planning.timing.options import TOPPRA_SOLVERS, Solver, TimingFailed
 from planning.timing.path.blend import blend, largest_reaches
 from planning.timing.path.path import JointPath
 from planning.timing.speed.constraints import Cells, cells
