@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics import inverse
-from dynamics.equations.parameters import textbook_table
+from dynamics.equations.formula import Notation
 from dynamics.equations.sheet import Sheet, write_page, write_sheet
-from dynamics.equations.writing import Notation
+from dynamics.equations.table import textbook_table
 from dynamics.identification import identify as identification
 from dynamics.identification.identify import Identification
 from dynamics.identification.log import Log

@@ -5,13 +5,12 @@ from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
 from compiled.linear_solve import cholesky_solve_kernel
-from dynamics.batch import stack_vectors
 from dynamics.kernels.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
 from dynamics.kernels.recursion import inverse_kernel
 from dynamics.model.body import MOTOR, bodies, joints_without_inertia
 from kinematics.arrays import Array
 from kinematics.errors import MissingInertia
-from kinematics.model.chain import Chain
+from kinematics.model.chain import Chain, stack_vectors
 from kinematics.velocity import holding_torques
 
 

@@ -4,11 +4,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
-from dynamics.batch import stack_vectors
 from dynamics.kernels.recursion import WORK, inverse_kernel
 from dynamics.model.body import bodies
 from kinematics.arrays import Array
-from kinematics.model.chain import Chain
+from kinematics.model.chain import Chain, stack_vectors
 from kinematics.velocity import holding_torques
 
 

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
-from dynamics.batch import stack_vectors
 from dynamics.kernels.composite import (
     COMPOSITE_WORK,
     coriolis_kernel,
@@ -18,7 +17,7 @@ from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.jacobian import geometric
-from kinematics.model.chain import Chain
+from kinematics.model.chain import Chain, stack_vectors
 from kinematics.pose import inverse
 
 

@@ -20,9 +20,11 @@ import numpy as np
 from dynamics.equations.formula import (
     Angle,
     Collect,
+    Notation,
     Powers,
     Sum,
     Term,
+    Writer,
     factored,
     formula,
     numeric_value,
@@ -37,10 +39,8 @@ from dynamics.equations.motion import (
     tool_frame,
     tool_jacobian,
 )
-from dynamics.equations.parameters import Parameter
 from dynamics.equations.polynomial import Polynomial, Polynomials, TooManyTerms, determinant
-from dynamics.equations.table import SymbolicTable, symbolic_table
-from dynamics.equations.writing import Notation, Writer
+from dynamics.equations.table import Parameter, SymbolicTable, symbolic_table
 from dynamics.model.body import SMOOTH_SPEED
 from kinematics.errors import InvalidOption
 from kinematics.model.dh_table import DhTable

@@ -5,7 +5,6 @@ from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, column, cross, dot, load, scale, subtract
-from dynamics.batch import stack_vectors
 from dynamics.kernels.composite import FRAME, frames_kernel
 from dynamics.kernels.recursion import WORK, advance
 from dynamics.model.body import (
@@ -21,7 +20,7 @@ from dynamics.model.body import (
     bodies,
 )
 from kinematics.arrays import Array, frozen
-from kinematics.model.chain import Chain
+from kinematics.model.chain import Chain, stack_vectors
 
 #: The standard parameters of one body, in their order; inertia about the joint frame's origin.
 BODY_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import mutually_broadcastable_shapes
 
-from dynamics.batch import stack_vectors
 from kinematics.errors import InvalidRobotState
+from kinematics.model.chain import stack_vectors
 from tests.dynamics.samples import random_chain
 
 CHAIN = random_chain(3, 3)

@@ -14,9 +14,9 @@ from kinematics.arrays import Array
 from kinematics.velocity import holding_torques
 from tracking.controllers.controller import AdaptiveController, Controller, Flow
 from tracking.simulation.compiled import empty_record, result_of
+from tracking.simulation.disturbance import add_stops, stop_arrays
 from tracking.simulation.integrators.explicit import explicit_polynomials
 from tracking.simulation.integrators.record import EXPLICIT_STEPS, SAMPLES
-from tracking.simulation.joint_stop import add_stops, stop_arrays
 from tracking.simulation.loop import HOPELESS, RUNAWAY
 from tracking.simulation.result import SimulationOutcome, SimulationResult
 from tracking.simulation.setup import Setup

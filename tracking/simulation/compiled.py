@@ -6,7 +6,7 @@ from dynamics.forward import massless
 from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from tracking.controllers.control_law import Law, space
-from tracking.simulation.disturbance import Disturbance
+from tracking.simulation.disturbance import Disturbance, stop_arrays
 from tracking.simulation.integrators.explicit import ALL_STAGES, POWERS, Steps
 from tracking.simulation.integrators.implicit import stages
 from tracking.simulation.integrators.integrate import (
@@ -23,7 +23,6 @@ from tracking.simulation.integrators.record import (
     Record,
     scratch,
 )
-from tracking.simulation.joint_stop import stop_arrays
 from tracking.simulation.loop import EVALUATIONS, FAILED, FLAG_COUNT, HELD, Loop
 from tracking.simulation.result import SimulationOutcome, SimulationResult, settling_time
 from tracking.simulation.setup import Setup

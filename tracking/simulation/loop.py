@@ -23,7 +23,7 @@ from tracking.controllers.control_law import (
     lyapunov_kernel,
     lyapunov_rate_kernel,
 )
-from tracking.simulation.joint_stop import StopArrays, add_stops
+from tracking.simulation.disturbance import StopArrays, add_stops
 
 #: A state beyond this [rad, m, rad/s, m/s] is no robot any more: the loop has run away.
 RUNAWAY = 1e6

@@ -18,8 +18,7 @@ from kinematics.errors import InvalidOption, InvalidRobotState, MissingLimit
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import MAX_SAMPLES, Trajectory
 from tracking.controllers.controller import AdaptiveController, Controller
-from tracking.simulation.disturbance import Disturbance, EncoderNoise
-from tracking.simulation.joint_stop import JointStops
+from tracking.simulation.disturbance import Disturbance, EncoderNoise, JointStops
 from tracking.simulation.loop import RUNAWAY
 from tracking.simulation.references import ReferenceSignal
 

@@ -6,9 +6,9 @@ from typing import Any, Literal
 from pydantic_core import to_json
 
 from armwright_wire.robots.robot import RobotBody
-from dynamics.equations.parameters import textbook_table
+from dynamics.equations.formula import Notation
 from dynamics.equations.sheet import Motion, Sheet, write_page, write_sheet
-from dynamics.equations.writing import Notation
+from dynamics.equations.table import textbook_table
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.model.chain import Chain
 from kinematics.model.dh_table import DhTable

@@ -29,8 +29,7 @@ from service.translate.robots.motors import domain_motors
 from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.controller import Controller
 from tracking.controllers.gain import gain_vector
-from tracking.simulation.disturbance import Disturbance, EncoderNoise
-from tracking.simulation.joint_stop import JointStops
+from tracking.simulation.disturbance import Disturbance, EncoderNoise, JointStops
 from tracking.simulation.result import SimulationOutcome, SimulationResult
 from tracking.simulation.setup import SimulationOptions
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import sympy
 
+from dynamics.equations.formula import Notation
 from dynamics.equations.sheet import Sheet, write_sheet
-from dynamics.equations.writing import Notation
 from kinematics.model.dh_table import DhRow, DhTable
 
 Q = sympy.symbols("q_1:4")

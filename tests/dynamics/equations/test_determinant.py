@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import sympy
 
+from dynamics.equations.formula import Notation
 from dynamics.equations.sheet import AXES, write_sheet
-from dynamics.equations.writing import Notation
 from kinematics.errors import InvalidOption
 from kinematics.model.dh_table import DhRow, DhTable
 from tests.dynamics.equations.tables import TABLES, evaluate, parse, state

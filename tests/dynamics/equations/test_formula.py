@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from dynamics.equations.formula import Collect, formula, numeric_value, real_terms
+from dynamics.equations.formula import Collect, Notation, Writer, formula, numeric_value, real_terms
 from dynamics.equations.polynomial import Polynomial
 from dynamics.equations.table import SymbolicTable, symbolic_table
-from dynamics.equations.writing import Notation, Writer
 from tests.dynamics.equations.tables import articulated_arm
 
 TABLE: SymbolicTable = symbolic_table(articulated_arm())

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.mathtext import MathTextParser
 
-from dynamics.equations.parameters import textbook_table
+from dynamics.equations.formula import Notation
 from dynamics.equations.sheet import Sheet, write_page, write_sheet
-from dynamics.equations.writing import Notation
+from dynamics.equations.table import textbook_table
 from dynamics.terms import coriolis_matrix, mass_matrix
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward

@@ -14,7 +14,7 @@ from kinematics.model.chain import Chain
 from tests.tracking.samples import constant, slider
 from tracking.controllers.controller import Controller, Reference
 from tracking.controllers.model_based import PdGravity
-from tracking.simulation.joint_stop import (
+from tracking.simulation.disturbance import (
     DISSIPATION,
     STIFFNESS,
     JointStops,
