@@ -16,12 +16,10 @@ from service.endpoints.dynamics import route as dynamics
 from service.endpoints.guard import route as guard
 from service.endpoints.health import route as health
 from service.endpoints.jobs import route as jobs
-from service.endpoints.kinematics import route as kinematics
 from service.endpoints.pages import route as pages
 from service.endpoints.plan import route as plan
 from service.endpoints.plans import route as plans
 from service.endpoints.robots import route as robots
-from service.endpoints.tasks import route as sequence
 from service.housekeeping import keep_house, watch_storage
 from service.http import errors, openapi
 from service.http.audit import AuditAccount
@@ -58,12 +56,10 @@ _ROUTERS = (
     health.router,
     pages.problem_router,
     robots.router,
-    kinematics.router,
     scenes.router,
     tools.router,
     plan.router,
     guard.router,
-    sequence.router,
     *routes.ROUTERS,
     plans.router,
     dynamics.router,

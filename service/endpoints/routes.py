@@ -18,8 +18,19 @@ from armwright_wire.motions.retime import (
     SimplifyRequest,
 )
 from armwright_wire.motions.simulation import SimulateAnswer, SimulateRequest
+from armwright_wire.plans.task import TaskAnswer, TaskRequest
 from armwright_wire.plans.tour import TourAnswer, TourRequest
 from armwright_wire.pose import ConvertPoseAnswer, ConvertPoseRequest
+from armwright_wire.robots.kinematics import (
+    FkAnswer,
+    FkRequest,
+    IkAnswer,
+    IkRequest,
+    JacobianAnswer,
+    JacobianRequest,
+    VelocityAnswer,
+    VelocityRequest,
+)
 from armwright_wire.robots.lyapunov import LyapunovAnswer, LyapunovRequest
 from armwright_wire.robots.potential import PotentialAnswer, PotentialRequest
 from armwright_wire.robots.reach import ReachAnswer, ReachRequest
@@ -33,6 +44,7 @@ from service.http.compute import compute
 from service.http.json_route import json_router
 from service.http.state import REPLAY, Replay, store_of
 from service.validation import parse_json, validate_as
+from service.workers.result import ChainTask
 
 checking = json_router("checking")
 kinematics = json_router("kinematics")
@@ -217,3 +229,69 @@ async def lyapunov(body: LyapunovRequest, request: Request) -> Response:  # noqa
     (Lyapunov, LaSalle, instability) or says what is not shown, `lasalle` has the sets.
     """
     return json_answer(await compute(request, tasks.lyapunov.job(await request.body())))
+
+
+#: Frames that are computed in a millisecond; a request for more of them waits for its turn.
+_BRIEF_FRAMES = 200
+#: Configurations whose Jacobians are decomposed in a millisecond.
+_BRIEF_TWISTS = 10
+
+
+@kinematics.post("/robots/{name}/fk", summary="Poses of the links", response_model=FkAnswer)
+async def fk(name: str, body: FkRequest, request: Request) -> Response:
+    """The pose of one link, the tip if none is named, and of all links."""
+    if body.fingers is not None:
+        return await answers.respond(request, of_robot(tasks.finger_poses.job), name, body)
+    return await _frames(request, name, tasks.fk, body)
+
+
+@kinematics.post("/robots/{name}/jacobian", summary="Jacobians", response_model=JacobianAnswer)
+async def jacobian(name: str, body: JacobianRequest, request: Request) -> Response:
+    """The Jacobian of a link or of a point on it, linear rows first, in the frame asked for."""
+    return await _frames(request, name, tasks.jacobian, body)
+
+
+@kinematics.post(
+    "/robots/{name}/velocity", summary="Velocity kinematics", response_model=VelocityAnswer
+)
+async def velocity(name: str, body: VelocityRequest, request: Request) -> Response:
+    """The twist that joint velocities cause, or the joint velocities that cause a twist.
+
+    The least-norm solution, or that of least residual, plus the null-space term; damped near
+    singularities; the answer lists what was damped.
+    """
+    is_brief = answers.count(body.joints) <= _BRIEF_TWISTS
+    return await answers.respond(
+        request, of_robot(tasks.velocity.job), name, body, at_once=is_brief
+    )
+
+
+@kinematics.post(
+    "/robots/{name}/ik", summary="Configurations that reach a pose", response_model=IkAnswer
+)
+async def ik(name: str, body: IkRequest, request: Request) -> Response:
+    """Configurations that bring a link to a pose, best first.
+
+    With a scene each is judged; those in collision are answered only where all are asked for.
+    """
+    return await answers.respond(request, tasks.ik.job, name, body)
+
+
+async def _frames(
+    request: Request, robot: str, task: ChainTask, body: FkRequest | JacobianRequest
+) -> Response:
+    """The answer of a task whose time goes by the frames that it computes."""
+    count = answers.count(body.joints)
+    links = 1 if count == 1 else (await answers.model(request, robot)).links
+    is_brief = count * links <= _BRIEF_FRAMES
+    return await answers.respond(request, of_robot(task.job), robot, body, at_once=is_brief)
+
+
+@planning.post("/tasks", summary="Plan a task of several stages", response_model=TaskAnswer)
+async def plan_task(body: TaskRequest, request: Request) -> Response:
+    """The motions of all stages, each proved with what is held in it; they join at rest.
+
+    Grasps, configurations and places are chosen together; what was tried is told with the reasons.
+    Where no combination can be done, or time is up, the answer is a problem that says where.
+    """
+    return await answers.respond(request, tasks.plan_sequence.job, body.robot, body)
