@@ -145,7 +145,6 @@ class Batch:
         self._shares: list[float] = []
         self._done = 0
         self._failed = 0
-        self._unnoted = 0
         self._mean = 0.0
         self._reported = -math.inf
         self._next_report: asyncio.TimerHandle | None = None
@@ -165,9 +164,6 @@ class Batch:
                     group.create_task(self._plan_parts())
         except* ProblemError as errors:
             raise errors.exceptions[0] from None
-        else:
-            while self._unnoted:
-                await asyncio.sleep(0)
         finally:
             self._report(at_once=True)
             if self._scene is not None:
@@ -240,21 +236,13 @@ class Batch:
     # ------------------------------------------------------------------------------ outcomes
 
     def _note(self, part: Part, planned: PlannedPart) -> None:
-        """Note what became of the first problems of a part; the others wait again.
-
-        Outcomes are noted in the next turn of the event loop: the worker has its next part then.
-        """
+        """Note what became of the first problems of a part; the others wait again."""
         count = len(planned.outcomes)
         self._mean = planned.seconds / count
         self._supervisor.durations.note(plan.name, self._mean)
         self._parts.put_back(part.indices[count:])
-        self._unnoted += 1
-        asyncio.get_running_loop().call_soon(self._note_outcomes, part, planned)
-
-    def _note_outcomes(self, part: Part, planned: PlannedPart) -> None:
         for index, outcome in zip(part.indices, planned.outcomes, strict=False):
             self._note_outcome(index, outcome)
-        self._unnoted -= 1
         self._report()
 
     def _note_outcome(self, index: int, outcome: PlanOutcome | TaskProblem) -> None:

@@ -4,7 +4,6 @@ Of a kept plan they are documents as they were kept with it.
 """
 
 from collections.abc import Sequence
-from typing import Protocol
 
 from kinematics.robot_names import builtin_names
 from service.problem import ProblemError, storage_problem
@@ -71,19 +70,6 @@ class KeptDocuments:
         return Document(Record(name, digest, 1, 0.0, 0.0, len(content)), content)
 
 
-class Documents(Protocol):
-    """Stored documents of robots and scenes, by kind and name."""
-
-    def recall(self, kind: str, name: str) -> Record | None:
-        """Metadata of a document, if this process remembers it; never blocks."""
-
-    def record(self, kind: str, name: str) -> Record:
-        """Metadata of a document; raises `ProblemError` where there is none."""
-
-    def get(self, kind: str, name: str) -> Document:
-        """A document; raises `ProblemError` where there is none."""
-
-
 class RobotRepository:
     """The built-in robots, and the robots and scenes of a store. All methods but `recall` block.
 
@@ -92,7 +78,7 @@ class RobotRepository:
         folder: Folder of prepared robots and scenes.
     """
 
-    def __init__(self, documents: Documents, folder: str) -> None:
+    def __init__(self, documents: DocumentStore | KeptDocuments, folder: str) -> None:
         self._documents = documents
         self._folder = folder
 

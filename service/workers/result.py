@@ -80,9 +80,6 @@ class PlanOutcome:
     planner: str
     stages: tuple[tuple[str, float], ...]
 
-    def __reduce__(self) -> tuple[type["PlanOutcome"], tuple[object, ...]]:
-        return PlanOutcome, (self.content, self.planner, self.stages)
-
 
 #: A task that answers the content of a request about a robot's chain.
 ChainTask = Task[[Reference, bytes], bytes]
@@ -136,11 +133,6 @@ class BatchItem:
     timeout: float | None
     content: bytes
     mounted: dict[str, Any] = field(default_factory=dict)
-
-    def __reduce__(self) -> tuple[type["BatchItem"], tuple[object, ...]]:
-        # There may be ten thousand of them.
-        fields = (self.robot, self.scene, self.shared, self.timeout, self.content, self.mounted)
-        return BatchItem, fields
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,11 +49,6 @@ class Reference:
     built_in: bool = False
     mount: Mount | None = None
 
-    def __reduce__(self) -> tuple[type["Reference"], tuple[object, ...]]:
-        # Every job carries two: their fields are not looked up one by one for each.
-        fields = (self.kind, self.name, self.hash, self.folder, self.built_in, self.mount)
-        return Reference, fields
-
 
 @lru_cache(64)
 def builtin_reference(name: str, folder: str = "") -> Reference:
