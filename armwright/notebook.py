@@ -55,7 +55,7 @@ def view(
     Raises:
         InvalidOption: A trajectory is given without its robot.
     """
-    from service.viewer.library import motion_page  # noqa: PLC0415  seldom needed, and long
+    from service.viewer.document import motion_page  # noqa: PLC0415  seldom needed, and long
 
     around = plan.surroundings if isinstance(plan, Plan) else None
     if around is not None and robot is None and scene is None:

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from service.endpoints.plan.task import plan as plan
     from service.endpoints.plan.task import validate as validate
     from service.endpoints.plans.audit import audit as audit
+    from service.endpoints.plans.program import swept as swept
     from service.endpoints.plans.stop import stop as stop
-    from service.endpoints.plans.swept import swept as swept
     from service.endpoints.plans.view import view as view
     from service.endpoints.plans.witness import witness as witness
     from service.endpoints.potential.task import potential as potential
@@ -112,7 +112,7 @@ else:
     plan_sequence = TaskReference("service.endpoints.tasks.task:plan_sequence", GRACE)
     simulate = TaskReference("service.endpoints.simulate.task:simulate", GRACE)
     stop = TaskReference("service.endpoints.plans.stop:stop", GRACE)
-    swept = TaskReference("service.endpoints.plans.swept:swept")
+    swept = TaskReference("service.endpoints.plans.program:swept")
     view = TaskReference("service.endpoints.plans.view:view")
     tour = TaskReference("service.endpoints.tours.task:tour", GRACE)
     witness = TaskReference("service.endpoints.plans.witness:witness", GRACE)

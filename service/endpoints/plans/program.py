@@ -1,15 +1,21 @@
 """Kept plans, tasks and tours as the parts of one program."""
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, get_args
 
 from armwright_wire.motions.export import KeptMotion
 from armwright_wire.plans.plan import PlanRequest, ValidateRequest
 from kinematics.errors import InvalidOption
-from kinematics.trajectory.trajectory import stay
+from kinematics.trajectory.trajectory import Trajectory, stay
+from obstacles.convex.triangles import join
+from obstacles.meshes.writer import glb, stl
+from obstacles.robots.finger_geometry import swept_cover
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.exports.export import Place
 from planning.exports.options import Event
 from planning.exports.program import ProgramPart
+from planning.exports.swept_volume import swept_volume
 from planning.proof.premises import Premises
 from planning.values.finger_motion import FingerMotion
 from service.endpoints.attached_objects import robot_in_scene
@@ -20,6 +26,48 @@ from service.translate import trajectories
 from service.translate.frames import first_configuration
 from service.translate.states import with_states
 from service.viewer.timeline import Part
+from service.workers.task import task
+
+_OPERATIONS = get_args(KeptMotion.model_fields["operation"].annotation)
+
+
+@task
+def swept(
+    robot: Reference, scene: Reference | None, content: bytes, form: str, tolerance: float
+) -> bytes:
+    """A mesh that holds every point of the moving arm, and of what it holds, at every instant.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The kept plan as ``GET /v1/plans/{id}`` answers it.
+        form: "glb" or "stl".
+        tolerance: Largest growth of the hulls [m].
+
+    Raises:
+        InvalidOption: The plan has no motion, or the tolerance asks for too many hulls.
+    """
+    whole = json.loads(content)
+    fields = {name: whole.get(name) or {} for name in ("operation", "request", "answer")}
+    if not fields["answer"] or fields["operation"] not in _OPERATIONS:
+        raise InvalidOption(
+            "this kept plan has no motion, so that nothing is swept",
+            hint="Ask for a plan, task, tour or proof that was answered.",
+        )
+    parts = program_parts(robot, scene, KeptMotion.model_validate(fields))
+    moves = [_covered(part) for part in parts]
+    volumes = [swept_volume(motion, arm, tolerance=tolerance) for motion, arm in moves]
+    surface = join(volume.surface() for volume in volumes)
+    return glb(surface, "swept volume") if form == "glb" else stl(surface)
+
+
+def _covered(part: ProgramPart) -> tuple[Trajectory, RobotGeometry]:
+    """The motion of a part, with fingers that hold all that they sweep in it."""
+    arm, fingers = part.place.robot, part.fingers
+    if fingers is not None:
+        arm, _ = swept_cover(arm, fingers.first, fingers.last, (0.0, 1.0))
+    return part.motion, arm
+
 
 #: Shorter stays between legs are rounded off times [s].
 _GAP = 1e-6

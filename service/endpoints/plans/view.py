@@ -5,7 +5,7 @@ import json
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,16 +15,14 @@ from armwright_wire.plans.tour import TourRequest
 from armwright_wire.robots.kinematics import IkRequest
 from armwright_wire.scenes.check import CheckRequest
 from kinematics.errors import ArmwrightError, InvalidOption
-from kinematics.trajectory.trajectory import Trajectory
-from obstacles.scenes.scene import Obstacle
 from planning.pipeline.pipeline import plan
 from planning.values.search_trees import Explored
-from service.endpoints.attached_objects import RobotInScene, robot_in_scene
+from service.endpoints.attached_objects import robot_in_scene
 from service.endpoints.plan.task import question
 from service.endpoints.plans import view_failures
 from service.endpoints.plans.view_failures import Kept, solutions
 from service.endpoints.plans.view_stages import (
-    Timeline,
+    Shown,
     task_cell,
     task_shown,
     tour_cell,
@@ -64,28 +62,6 @@ _MAX_SOLIDS = 2000
 #: Share of the time that is left which planning once more may take; the page needs the rest.
 _TREE_SHARE = 0.7
 _IK = re.compile(r"POST /v1/robots/[^/]+/ik")
-
-
-class _Shown(NamedTuple):
-    """Parts of a page that depend on the operation.
-
-    Args:
-        cell: Robot and scene.
-        motion: If there is one.
-        configurations: Shown by themselves.
-        sentences: The certificate, or what else is to be said.
-        extra: More fields of the document.
-        moved: Objects that are carried from one place to another.
-        curves: Curves of the motion, where it is not that of one robot in one scene.
-    """
-
-    cell: RobotInScene
-    motion: Trajectory | None
-    configurations: list[Configuration]
-    sentences: list[str]
-    extra: dict[str, Any]
-    moved: tuple[Obstacle, ...] = ()
-    curves: dict[str, Any] | None = None
 
 
 @task
@@ -164,7 +140,7 @@ def _witnesses(kept: Kept, whole: dict[str, Any]) -> list[bytes]:
         return []
 
 
-def _unproved(shown: _Shown, kept: Kept) -> _Shown:
+def _unproved(shown: Shown, kept: Kept) -> Shown:
     """The parts of a page without what its answer says was proved or found valid."""
     if kept.problem:
         return shown._replace(sentences=[*shown.sentences, NOT_PROVED_HERE])
@@ -174,7 +150,7 @@ def _unproved(shown: _Shown, kept: Kept) -> _Shown:
     return shown._replace(configurations=told, sentences=sentences)
 
 
-def _parts(operation: str) -> Callable[[Kept], _Shown]:
+def _parts(operation: str) -> Callable[[Kept], Shown]:
     if _IK.fullmatch(operation):
         return _of_ik
     makers = {
@@ -212,7 +188,7 @@ def _explored(kept: Kept, operation: str) -> Explored:
     return explored
 
 
-def _of_plan(kept: Kept) -> _Shown:
+def _of_plan(kept: Kept) -> Shown:
     geometry = worker_cache.robot(kept.robot).geometry
     body = with_states(PlanRequest.model_validate(kept.request), geometry.states)
     chain = geometry.chain
@@ -225,43 +201,37 @@ def _of_plan(kept: Kept) -> _Shown:
             *certificate_sentences(kept.answer["certificate"]),
             *(f"Note: {note}" for note in kept.answer.get("notes") or ()),
         ]
-        return _Shown(cell, motion, [], sentences, {"path": kept.answer["path"]["joints"]})
-    return _Shown(cell, None, [*view_failures.of_plan(kept, body)], [], {})
+        return Shown(cell, motion, [], sentences, {"path": kept.answer["path"]["joints"]})
+    return Shown(cell, None, [*view_failures.of_plan(kept, body)], [], {})
 
 
-def _of_validate(kept: Kept) -> _Shown:
+def _of_validate(kept: Kept) -> Shown:
     body = ValidateRequest.model_validate(kept.request)
     chain = worker_cache.chain(kept.robot)
     motion, _ = trajectories.trajectory(body.trajectory, chain)
     cell = robot_in_scene(kept.robot, kept.scene, body, motion.start)
     sentences = certificate_sentences(kept.answer) if kept.answer else []
-    return _Shown(cell, motion, [], sentences, {})
+    return Shown(cell, motion, [], sentences, {})
 
 
-def _of_task(kept: Kept) -> _Shown:
+def _of_task(kept: Kept) -> Shown:
     if kept.answer:
-        return _of_timeline(task_shown(kept.robot, kept.scene, kept.request, kept.answer))
+        return task_shown(kept.robot, kept.scene, kept.request, kept.answer)
     body = TaskRequest.model_validate(kept.request)
     cell = task_cell(kept.robot, kept.scene, body)
     shown = [*view_failures.of_task(kept, body)]
-    return _Shown(cell, None, shown, view_failures.untried(kept), {})
+    return Shown(cell, None, shown, view_failures.untried(kept), {})
 
 
-def _of_tour(kept: Kept) -> _Shown:
+def _of_tour(kept: Kept) -> Shown:
     if kept.answer:
-        return _of_timeline(tour_shown(kept.robot, kept.scene, kept.request, kept.answer))
+        return tour_shown(kept.robot, kept.scene, kept.request, kept.answer)
     body = TourRequest.model_validate(kept.request)
     shown = [*view_failures.of_tour(kept, body)]
-    return _Shown(tour_cell(kept.robot, kept.scene, body), None, shown, [], {})
+    return Shown(tour_cell(kept.robot, kept.scene, body), None, shown, [], {})
 
 
-def _of_timeline(whole: Timeline) -> _Shown:
-    return _Shown(
-        whole.cell, whole.motion, [], whole.sentences, whole.extra, whole.moved, whole.curves
-    )
-
-
-def _of_check(kept: Kept) -> _Shown:
+def _of_check(kept: Kept) -> Shown:
     body = CheckRequest.model_validate(kept.request)
     chain = worker_cache.chain(kept.robot)
     cell = robot_in_scene(kept.robot, kept.scene, body, first_configuration(chain, body.joints))
@@ -271,7 +241,7 @@ def _of_check(kept: Kept) -> _Shown:
         for i, row in enumerate(rows)
     ]
     count = sum(item.verdict == "valid" for item in shown)
-    return _Shown(cell, None, shown, [f"{count} of {len(shown)} configurations are valid."], {})
+    return Shown(cell, None, shown, [f"{count} of {len(shown)} configurations are valid."], {})
 
 
 def _verdict(answer: Mapping[str, Any], i: int) -> Mapping[str, Any]:
@@ -296,7 +266,7 @@ def _configuration_of(label: str, joints: list[float], verdict: Mapping[str, Any
     return rejected(label, joints, "; ".join(reasons))
 
 
-def _of_ik(kept: Kept) -> _Shown:
+def _of_ik(kept: Kept) -> Shown:
     body = IkRequest.model_validate(kept.request)
     chain = worker_cache.chain(kept.robot)
     seed = None if body.seed_joints is None else first_configuration(chain, body.seed_joints)
@@ -308,4 +278,4 @@ def _of_ik(kept: Kept) -> _Shown:
     if details.get("nearest_joints"):
         shown.append(rejected("nearest", details["nearest_joints"], kept.problem["detail"]))
     count = sum(item.verdict == "valid" for item in shown)
-    return _Shown(cell, None, shown, [f"{count} of {len(shown)} solutions are valid."], {})
+    return Shown(cell, None, shown, [f"{count} of {len(shown)} solutions are valid."], {})

@@ -30,35 +30,36 @@ from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
 from service.translate.states import configuration
-from service.viewer.document import Carrier, carrier_document
+from service.viewer.document import Carrier, Configuration, carrier_document
 from service.viewer.timeline import Part, finger_tracks, joined, joined_curves
 from service.viewer.words import against
 
 
-class Timeline(NamedTuple):
-    """A task or tour as its page shows it.
+class Shown(NamedTuple):
+    """Parts of a page that depend on the operation.
 
     Args:
-        cell: The robot, and the obstacles that stand still throughout.
-        motion: Motion of all parts in turn.
-        curves: Over the whole time, as of a single motion.
-        moved: Objects that are carried.
-        extra: More fields of the document: ``stages`` with labels and times, ``carriers`` of the
-            moved objects, ``fingers``.
-        sentences: Sentences about the whole and each part.
+        cell: Robot and scene.
+        motion: If there is one.
+        configurations: Shown by themselves.
+        sentences: The certificate, or what else is to be said.
+        extra: More fields of the document.
+        moved: Objects that are carried from one place to another.
+        curves: Curves of the motion, where it is not that of one robot in one scene.
     """
 
     cell: RobotInScene
-    motion: Trajectory
-    curves: dict[str, Any]
-    moved: tuple[Obstacle, ...]
-    extra: dict[str, Any]
+    motion: Trajectory | None
+    configurations: list[Configuration]
     sentences: list[str]
+    extra: dict[str, Any]
+    moved: tuple[Obstacle, ...] = ()
+    curves: dict[str, Any] | None = None
 
 
 def task_shown(
     robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
-) -> Timeline:
+) -> Shown:
     """The stages of an answered task.
 
     Args:
@@ -79,13 +80,14 @@ def task_shown(
         "carriers": {item.id: [*_carriers(item, robot, stages)] for item in moved},
         "fingers": finger_tracks(alone, parts),
     }
-    return Timeline(
+    return Shown(
         RobotInScene(alone, Scene(still)),
         joined(parts, answer["duration"]),
-        joined_curves(parts, body.timing.tool_speed),
-        moved,
-        extra,
+        [],
         [*_task_sentences(answer)],
+        extra,
+        moved,
+        joined_curves(parts, body.timing.tool_speed),
     )
 
 
@@ -126,7 +128,7 @@ def _parts(
 
 def tour_shown(
     robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
-) -> Timeline:
+) -> Shown:
     """The legs of an answered tour, with the stays at its goals between them.
 
     Args:
@@ -138,13 +140,13 @@ def tour_shown(
     body = TourRequest.model_validate(request)
     cell = tour_cell(robot, scene, body)
     parts = _legs(cell, answer)
-    return Timeline(
+    return Shown(
         cell,
         joined(parts, answer["time"]),
-        joined_curves(parts, body.timing.tool_speed),
-        (),
-        {"stages": _marks(parts)},
+        [],
         [*_tour_sentences(answer, parts)],
+        {"stages": _marks(parts)},
+        curves=joined_curves(parts, body.timing.tool_speed),
     )
 
 

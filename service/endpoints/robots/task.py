@@ -1,22 +1,36 @@
 """The functions that workers run for robots and scenes: values in, values out, nothing of HTTP."""
 
 import base64
+from collections.abc import Iterator, Mapping
+from functools import partial
 
+import numpy as np
 from pydantic import ValidationError
 
-from armwright_wire.robots.robot import RobotBody, RobotChanges
+from armwright_wire.robots.robot import MAX_MESHES, RobotBody, RobotChanges
 from armwright_wire.scenes.scene import NamedScene
 from armwright_wire.scenes.scene import Scene as SceneBody
 from armwright_wire.scenes.tool import NamedTool, Tool
 from kinematics.errors import InvalidRobotDescription
+from kinematics.model.chain import Chain
+from kinematics.pose import align_z, inverse, transform
+from kinematics.readers.mesh_uri import resolve_mesh
 from kinematics.robots import builtin_urdf
-from kinematics.tree.description import MeshGeometry
+from kinematics.tree.description import (
+    CapsuleGeometry,
+    CollisionElement,
+    CylinderGeometry,
+    MeshGeometry,
+    SphereGeometry,
+)
 from kinematics.urdf.urdf import parse_urdf
-from kinematics.urdf.visuals import read_visuals, with_visual_solids
-from kinematics.urdf.writer import srdf_text, with_limits
+from kinematics.urdf.visuals import UrdfVisuals, read_visuals, with_visual_solids
+from kinematics.urdf.writer import srdf_text, urdf_text, with_limits
 from obstacles.collision.model.collision_model import pack
+from obstacles.convex.piece import Piece, PieceKind
 from obstacles.kept_files import keep_files_in, written_files
-from obstacles.robots.robot_geometry import hulled
+from obstacles.robots.robot_geometry import RobotGeometry, hulled
+from obstacles.robots.visual_geometry import VisualGeometry, visual_geometry
 from obstacles.scenes.scene import Scene
 from service.storage.caches import disk_cache, prepared_files, worker_cache
 from service.storage.caches.cache_key import Reference
@@ -24,11 +38,124 @@ from service.storage.caches.disk_cache import PreparedRobot
 from service.translate import poses
 from service.translate.robots import limits, robots, tools
 from service.translate.robots.archive import read_archive
-from service.translate.robots.urdf import table_urdf
-from service.translate.robots.visuals import kept_meshes, robot_visuals
 from service.validation import validation_problem
 from service.workers.result import RobotModel
 from service.workers.task import task
+
+#: Visual mesh files that are kept of an archive, together [byte].
+MAX_VISUAL_BYTES = 16 * 2**20
+#: Reason of a link whose mesh is not among the files.
+_ABSENT = "its mesh was not uploaded"
+#: Links that one sentence names.
+_MOST_NAMES = 8
+
+
+def robot_visuals(body: RobotBody, chain: Chain) -> tuple[VisualGeometry, list[str]]:
+    """The visual geometry of a robot's links, and what of it can't be drawn. Refuses nothing.
+
+    Args:
+        body: The request that stores it.
+        chain: The robot.
+    """
+    if body.urdf is None:
+        return VisualGeometry(), []
+    files = {uri: base64.b64decode(text) for uri, text in (body.meshes or {}).items()}
+    names = [link.name for link in chain.links]
+    made = visual_geometry(read_visuals(body.urdf), names, partial(_find, files))
+    return made, [*_lint(made)]
+
+
+def _find(files: Mapping[str, bytes], uri: str) -> bytes:
+    try:
+        return resolve_mesh(uri, files)
+    except InvalidRobotDescription:
+        raise InvalidRobotDescription(_ABSENT) from None
+
+
+def _lint(made: VisualGeometry) -> Iterator[str]:
+    absent = [link for link, reason in made.missing if reason == _ABSENT]
+    if absent:
+        more = f" and {len(absent) - _MOST_NAMES} more" if len(absent) > _MOST_NAMES else ""
+        yield (
+            f"visual meshes of {', '.join(absent[:_MOST_NAMES])}{more} were not uploaded, or go "
+            f"beyond the {MAX_VISUAL_BYTES // 2**20} MiB that are kept of an archive: collision "
+            "geometry is drawn in their place"
+        )
+    for link, reason in made.missing:
+        if link not in absent:
+            yield f"visual of link {link!r}: {reason}: its collision geometry is drawn"
+
+
+def kept_meshes(urdf: str, meshes: Mapping[str, bytes], colliding: set[str]) -> list[str]:
+    """Names of the files of an archive that are kept, in its order.
+
+    Those for collisions all stay; of those that are only seen, small ones first, what the bounds
+    of size and number leave room for.
+
+    Args:
+        urdf: The description.
+        meshes: Bytes by their path in the archive.
+        colliding: File names, without folders, of meshes that links collide with.
+    """
+    # A name that differs in case alone is no match, but the one to tell of.
+    folded = {name.lower() for name in colliding}
+    kept = {name for name in meshes if _file(name).lower() in folded}
+    seen = _visual_files(read_visuals(urdf))
+    left = MAX_VISUAL_BYTES
+    for name in sorted(meshes, key=lambda item: (len(meshes[item]), item)):
+        if name in kept or _file(name) not in seen:
+            continue
+        left -= len(meshes[name])
+        if left < 0 or len(kept) >= MAX_MESHES:
+            break
+        kept.add(name)
+    return [name for name in meshes if name in kept]
+
+
+def _visual_files(visuals: UrdfVisuals) -> set[str]:
+    shapes = (item.geometry for items in visuals.links.values() for item in items)
+    return {_file(shape.uri) for shape in shapes if isinstance(shape, MeshGeometry)}
+
+
+def _file(path: str) -> str:
+    return path.rpartition("/")[2]
+
+
+def table_urdf(robot: RobotGeometry) -> str:
+    """The URDF of a robot that came as a table.
+
+    Spheres, capsules and cylinders are written; comments name the links whose other solids are
+    not, since URDF has only meshes for them.
+
+    Args:
+        robot: The robot with its solids.
+    """
+    solids: dict[str, list[CollisionElement]] = {}
+    notes = []
+    for piece, name in zip(robot.pieces, robot.links, strict=True):
+        element = _element(piece)
+        if element is None:
+            notes.append(f"a solid of {name} is left out: it is no sphere, capsule or cylinder")
+            continue
+        T = inverse(robot.chain.link(name).T_joint_link) @ element.T_link_element
+        solids.setdefault(name, []).append(CollisionElement(T, element.geometry))
+    return urdf_text(robot.chain, solids, notes)
+
+
+def _element(piece: Piece) -> CollisionElement | None:
+    """A piece as URDF has it, in its owner's frame; None where URDF has no such shape."""
+    T, corners = piece.T_owner_piece, piece.vertices
+    if piece.kind == PieceKind.CYLINDER and piece.offset_radius == 0.0:
+        return CollisionElement(T, CylinderGeometry(piece.radius, 2.0 * piece.half_height))
+    if piece.kind != PieceKind.POLYTOPE or piece.offset_radius <= 0.0 or len(corners) > 2:
+        return None
+    center = transform(position=corners.mean(axis=0))
+    if len(corners) == 1:
+        return CollisionElement(T @ center, SphereGeometry(piece.offset_radius))
+    axis = corners[1] - corners[0]
+    shape = CapsuleGeometry(piece.offset_radius, float(np.linalg.norm(axis)))
+    return CollisionElement(T @ center @ transform(align_z(axis)), shape)
+
 
 #: Told of archives with MoveIt's limits in them.
 _LIMITS_USED = "joint_limits are those of the archive's joint_limits.yaml"

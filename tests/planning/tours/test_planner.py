@@ -29,7 +29,7 @@ from planning.tours.result import Tour
 from planning.tours.search import TourSearch, lower_bound
 from planning.values import deadline
 from planning.values.deadline import Deadline
-from service.endpoints.tours.translation import tour_answer
+from service.endpoints.tours.task import tour_answer
 from tests.planning.tours.test_search_kernels import instance
 
 START = np.array([0.0, -1.44, 2.5, 0.0, -1.07, 0.0])

@@ -15,7 +15,7 @@ from armwright_wire.plans.task import TaskAnswer
 from armwright_wire.plans.tour import TourAnswer
 from kinematics.errors import ArmwrightError, InvalidOption
 from service.endpoints.export.task import export
-from service.endpoints.plans.swept import swept
+from service.endpoints.plans.program import swept
 from service.endpoints.plans.view import view
 from service.endpoints.tasks.task import plan_sequence
 from service.endpoints.tours.task import tour

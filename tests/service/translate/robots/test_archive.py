@@ -13,8 +13,9 @@ import pytest
 import trimesh
 
 from kinematics.errors import InvalidRobotDescription
+from service.endpoints.robots import task
 from service.endpoints.robots.task import unpack_robot
-from service.translate.robots import archive, visuals
+from service.translate.robots import archive
 from service.translate.robots.archive import read_archive
 from tests.obstacles.meshes.test_collada import written
 
@@ -241,7 +242,7 @@ def test_only_what_collides_or_is_seen_is_kept(
     small, fine = (
         trimesh.creation.icosphere(subdivisions=k).export(file_type="stl") for k in (0, 3)
     )
-    monkeypatch.setattr(visuals, "MAX_VISUAL_BYTES", len(fine))
+    monkeypatch.setattr(task, "MAX_VISUAL_BYTES", len(fine))
     content = packed(
         {
             "arm/urdf/arm.urdf": ONE_JOINT.format(solid + seen),
