@@ -16,12 +16,13 @@ from service.http.state import (
     documents_of,
     models_of,
     note_reference,
+    prepared_folder,
     repository_of,
     settings_of,
 )
 from service.problem import from_fields, storage_problem
-from service.storage.caches.cache_key import Kind, Mount, Reference
-from service.storage.caches.mounts import Asked, mount_of, named_tools
+from service.storage.caches.cache_key import Kind, Mount, Reference, builtin_reference
+from service.storage.caches.mounts import MOUNTING, Asked, mount_of, named_tools
 from service.storage.robot_repository import is_built_in
 from service.task_references import prepare_robot, prepare_scene, robot_model
 from service.workers.process import OnProgress
@@ -42,9 +43,17 @@ async def _look_up(request: Request, *names: tuple[Kind, str | None]) -> list[Re
     Raises:
         ProblemError: NOT_FOUND.
     """
-    repository = repository_of(request)
-    found = [None if name is None else repository.recall(kind, name) for kind, name in names]
-    if found.count(None) > [name for _, name in names].count(None):
+    found, repository, unknown = list[Reference | None](), None, False
+    for kind, name in names:
+        reference = None
+        if kind == "robot" and name is not None and is_built_in(name):
+            reference = builtin_reference(name, prepared_folder(request))
+        elif name is not None:
+            repository = repository or repository_of(request)
+            reference = repository.recall(kind, name)
+            unknown = unknown or reference is None
+        found.append(reference)
+    if repository is not None and unknown:
         found = await run_in_threadpool(repository.look_up, names)
     for reference in found:
         if reference is not None:
@@ -66,6 +75,8 @@ async def tool_mount(request: Request, asked: Asked | None = None) -> Mount | No
     if asked is None:
         asked = await request.json() if await request.body() else {}
     if not isinstance(asked, Mapping | WithTool):
+        return None
+    if isinstance(asked, Mapping) and MOUNTING.isdisjoint(asked):
         return None
     if not any(isinstance(one, str) for one in named_tools(asked)):
         return mount_of(asked, _no_document)

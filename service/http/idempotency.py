@@ -8,7 +8,7 @@ from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.caller import caller_of
-from service.http.request_headers import field
+from service.http.request_headers import FIELDS
 from service.http.state import store_of
 from service.problem import request_problem
 from service.storage.stores.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
@@ -31,7 +31,7 @@ async def answer_once(
     Raises:
         ProblemError: The key belongs to another request, or to one still being worked on.
     """
-    key = field(request.scope, b"idempotency-key")
+    key = request.scope[FIELDS].get("idempotency-key")
     if key is None or request.method != "POST":
         return await handle(request)
     if not 1 <= len(key) <= _MAX_KEY or not key.isascii() or not key.isprintable():

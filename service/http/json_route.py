@@ -20,7 +20,7 @@ from service.http.idempotency import answer_once
 from service.http.keeping import answer_and_keep, takes_keep
 from service.http.layer.admission import named_timeout
 from service.http.openapi import RESPONSES
-from service.http.request_headers import field, values
+from service.http.request_headers import FIELDS, values
 from service.http.state import job_context, settings_of, supervisor_of
 from service.problem import from_fields, request_problem
 from service.settings import Settings
@@ -110,8 +110,9 @@ class JsonRoute(APIRoute):
             if request.method == "GET" and self.path.startswith("/v1"):
                 _require_known(request, known)
             if takes_json and await strict.body():
-                require_json(field(strict.scope, b"content-type"))
-                require_plain(field(strict.scope, b"content-encoding"))
+                fields = strict.scope[FIELDS]
+                require_json(fields.get("content-type"))
+                require_plain(fields.get("content-encoding"))
             if not _is_deferred(strict, self.always_deferred):
                 return await answer_once(strict, handle_json)
             defer: Deferral = request.app.state.defer
@@ -205,7 +206,9 @@ def _is_deferred(request: Request, always: bool) -> bool:
     """Whether a request becomes a job: it prefers that, or its route always makes one."""
     if request.method not in _DEFERRABLE or job_context(request) is not None:
         return False
-    return always or prefers_async(values(request.scope, b"prefer"))
+    if always or "prefer" not in request.scope[FIELDS]:
+        return always
+    return prefers_async(values(request.scope, b"prefer"))
 
 
 async def validated_by_worker(

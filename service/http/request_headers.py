@@ -1,6 +1,7 @@
-"""Headers of a request: single fields, Accept-Encoding, If-Match and If-None-Match (RFC 9110)."""
+"""Headers of a request: first values, Accept-Encoding, If-Match and If-None-Match (RFC 9110)."""
 
 import re
+from functools import lru_cache
 
 from fastapi import Request
 from starlette.types import Scope
@@ -11,18 +12,13 @@ from service.problem import ProblemError, storage_problem
 _REFUSED = re.compile(rb"q=0(\.0{0,3})?")
 
 
-def field(scope: Scope, name: bytes) -> str | None:
-    """The first value of a header; None where there is none.
+#: Key in the scope of a request, with its headers as `first_values` reads them.
+FIELDS = "armwright.fields"
 
-    Args:
-        scope: Scope of the request.
-        name: Name in lower case.
-    """
-    for known, value in scope["headers"]:
-        if known == name:
-            text: str = value.decode("latin-1")
-            return text
-    return None
+
+def first_values(scope: Scope) -> dict[str, str]:
+    """The first value of each header of a request, by name in lower case."""
+    return {name.decode("latin-1"): v.decode("latin-1") for name, v in reversed(scope["headers"])}
 
 
 def values(scope: Scope, name: bytes) -> list[str]:
@@ -37,10 +33,13 @@ def values(scope: Scope, name: bytes) -> list[str]:
 
 def accepts_gzip(scope: Scope) -> bool:
     """Whether the client of a request accepts answers that are compressed."""
-    accepted = [value for name, value in scope["headers"] if name == b"accept-encoding"]
-    return any(map(_takes_gzip, accepted))
+    for name, value in scope["headers"]:
+        if name == b"accept-encoding" and _takes_gzip(value):
+            return True
+    return False
 
 
+@lru_cache(64)
 def _takes_gzip(accepted: bytes) -> bool:
     """Whether a field Accept-Encoding names gzip, and not with the quality 0."""
     if b"gzip" not in accepted:

@@ -83,14 +83,12 @@ class RobotRepository:
         self._folder = folder
 
     def recall(self, kind: Kind, name: str) -> Reference | None:
-        """The robot or scene of a name, if this process remembers it; never blocks.
+        """A stored robot or scene, if this process remembers it; never blocks.
 
         Args:
             kind: "robot" or "scene".
             name: Name of the robot or scene.
         """
-        if kind == "robot" and is_built_in(name):
-            return builtin_reference(name, self._folder)
         record = self._documents.recall(kind, name)
         return None if record is None else Reference(kind, name, record.hash, self._folder)
 

@@ -16,21 +16,24 @@ class FairQueue:
     """Tickets by the client that they belong to; clients take turns, each in its own order.
 
     A client with a hundred requests delays one with a single request by one, not by a hundred.
+
+    Attributes:
+        count: Number of tickets that wait.
     """
 
     def __init__(self) -> None:
+        self.count = 0
         self._tickets: OrderedDict[str, deque[Ticket]] = OrderedDict()
-        self._count = 0
 
     def append(self, ticket: Ticket) -> None:
         """Have a ticket wait behind all others of its client."""
         self._tickets.setdefault(ticket.client, deque()).append(ticket)
-        self._count += 1
+        self.count += 1
 
     def appendleft(self, ticket: Ticket) -> None:
         """Have a ticket wait in front of all others."""
         self._tickets.setdefault(ticket.client, deque()).appendleft(ticket)
-        self._count += 1
+        self.count += 1
         self._tickets.move_to_end(ticket.client, last=False)
 
     def popleft(self) -> Ticket:
@@ -40,7 +43,7 @@ class FairQueue:
             KeyError: There is none.
         """
         client, tickets = self._tickets.popitem(last=False)
-        self._count -= 1
+        self.count -= 1
         ticket = tickets.popleft()
         if tickets:
             self._tickets[client] = tickets
@@ -55,7 +58,7 @@ class FairQueue:
         """
         tickets = self._tickets[ticket.client]
         tickets.remove(ticket)
-        self._count -= 1
+        self.count -= 1
         if not tickets:
             del self._tickets[ticket.client]
 
@@ -66,9 +69,6 @@ class FairQueue:
         for tickets in self._tickets.values():
             yield from islice(tickets, turns)
 
-    def __len__(self) -> int:
-        return self._count
-
     def __iter__(self) -> Iterator[Ticket]:
         for tickets in self._tickets.values():
             yield from tickets
@@ -78,18 +78,25 @@ class FairQueue:
 
 
 class InFlight:
-    """Requests in flight, from their admission until they are answered, counted by client."""
+    """Requests in flight, from their admission until they are answered, counted by client.
+
+    Attributes:
+        count: Number of requests.
+    """
 
     def __init__(self) -> None:
+        self.count = 0
         self._clients: Counter[str] = Counter()
 
     def enter(self, client: str) -> None:
         """Note that a request of a client was let in."""
         self._clients[client] += 1
+        self.count += 1
 
     def leave(self, client: str) -> None:
         """Note that a request of a client was answered or given up."""
         self._clients[client] -= 1
+        self.count -= 1
         if not self._clients[client]:
             del self._clients[client]
 
@@ -103,9 +110,6 @@ class InFlight:
         turns = self._clients[client] + 1
         # Counted first by client: each of the others has as many turns.
         return max(sum(min(count, turns) for count in self._clients.values()) - queued, 0)
-
-    def __len__(self) -> int:
-        return self._clients.total()
 
 
 #: Weight of the newest job in the mean duration of its task.

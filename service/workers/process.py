@@ -142,21 +142,6 @@ class Ticket:
         return self.deadline.at + self.job.grace
 
     @property
-    def wants_start(self) -> bool:
-        """Whether somebody is to be told when the worker has received the job."""
-        return self.background is not None or self.watch is not None
-
-    @property
-    def wants_progress(self) -> bool:
-        """Whether the task is to report its progress."""
-        return self.on_progress is not None or self.watch is not None
-
-    @property
-    def silence(self) -> float:
-        """Time from its beginning in which its progress need not be reported [s]."""
-        return 0.0 if self.background is None or self.watch is not None else self.background.silence
-
-    @property
     def outcome(self) -> str:
         """The end that it has come to: "finished", "cancelled", or the code of the problem."""
         if not self.result.done() or self.result.cancelled():
@@ -238,9 +223,11 @@ class Worker(asyncio.Protocol):
     def send(self, ticket: Ticket) -> None:
         """Send a job."""
         assert self._transport is not None
-        header = HEADER.pack(
-            ticket.deadline.at, ticket.wants_start, ticket.wants_progress, ticket.silence
-        )
+        background, watched = ticket.background, ticket.watch is not None
+        tells_start = background is not None or watched
+        wants_progress = ticket.on_progress is not None or watched
+        silence = 0.0 if background is None or watched else background.silence
+        header = HEADER.pack(ticket.deadline.at, tells_start, wants_progress, silence)
         head = main.prefix(len(header) + len(ticket.payload)) + header
         # The payload may be tens of megabytes: it is not copied behind its header.
         self._transport.writelines([head, ticket.payload])

@@ -79,7 +79,7 @@ class SupervisorState:
     @property
     def waiting(self) -> int:
         """Jobs that wait for a worker and for which somebody waits."""
-        return len(self._brief) + len(self._waiting)
+        return len(self._brief) + self._waiting.count
 
     @property
     def background_waiting(self) -> int:
@@ -89,7 +89,7 @@ class SupervisorState:
     @property
     def has_work(self) -> bool:
         """Whether somebody waits for a job that runs, waits or is on its way."""
-        return bool(self.in_flight or self._waiting or self.busy)
+        return self.in_flight.count + self._waiting.count + self.busy > 0
 
     @property
     def is_free(self) -> bool:
@@ -169,12 +169,12 @@ class SupervisorState:
             size: Size of the body [byte]; 0 where it is not known.
         """
         running = sum(1 for _ in self._running())
-        queued = len(self._waiting) + running
+        queued = self._waiting.count + running
         ahead = self.in_flight.ahead(client, queued)
         if self._can_begin() and running + ahead < self._count:
             return None
         wait = self.expected_wait(client) + ahead * self.durations.mean(task, size) / self._count
-        waiting = self.waiting + max(len(self.in_flight) - queued, 0)
+        waiting = self.waiting + max(self.in_flight.count - queued, 0)
         return self._refusal((task, size), seconds, wait, waiting)
 
     def _lateness(self, kind: tuple[str, int], seconds: float, wait: float) -> float:
@@ -210,14 +210,14 @@ class SupervisorState:
 
     def _next_queue(self) -> "deque[Ticket] | FairQueue | None":
         """The queue whose first job a worker can be given now."""
-        if not (self._waiting or self._brief or self._background):
+        if not (self._waiting.count or self._brief or self._background):
             return None
         if self._brief and self._can_begin("brief"):
             return self._brief
         background = bool(self._background) and self._can_begin("background")
         if background and self._share.is_due and not self._has_share():
             return self._background
-        if self._waiting:
+        if self._waiting.count:
             return self._waiting if self._can_begin() else None
         return self._background if background else None
 

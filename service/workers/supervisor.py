@@ -220,9 +220,10 @@ class WorkerSupervisor(SupervisorState):
         """Whether a job that has waited can't be done any more, as far as durations tell."""
         if ticket.brief or ticket.background is not None or ticket.attempts > 0:
             return False
-        has_waited = time.monotonic() - ticket.begun > _CLOCK_STEP
+        if time.monotonic() - ticket.begun <= _CLOCK_STEP:
+            return False
         mean = self.durations.mean(ticket.job.task, ticket.job.size)
-        return has_waited and ticket.deadline.remaining < _LEAST_PART * mean
+        return ticket.deadline.remaining < _LEAST_PART * mean
 
     def _take_worker_for(self, waiting: Ticket) -> None:
         """Take the worker of the background job that began last, for a request that waits."""

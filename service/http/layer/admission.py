@@ -12,7 +12,7 @@ from contextlib import asynccontextmanager
 from starlette.types import Scope
 
 from service.access.caller import client_of
-from service.http.request_headers import field
+from service.http.request_headers import FIELDS
 from service.settings import Settings
 from service.workers.faults import QueueFull
 from service.workers.supervisor import WorkerSupervisor
@@ -56,7 +56,7 @@ class Admission:
         Raises:
             HttpProblemError: OVERLOADED, it would be too late whatever timeout it names.
         """
-        announced = field(scope, b"content-length") or ""
+        announced = scope[FIELDS].get("content-length", "")
         size = int(announced) if announced.isdecimal() and len(announced) < 20 else 0
         if size <= _SHORT_BYTES:
             return
@@ -106,7 +106,7 @@ class Admission:
 
     def _task(self, scope: Scope) -> str | None:
         """The task that a request is for, as far as known; None for one that becomes a job."""
-        if scope["method"] != "POST" or field(scope, b"prefer") is not None:
+        if scope["method"] != "POST" or "prefer" in scope[FIELDS]:
             return None
         return self._tasks.get(scope["path"].rpartition("/")[2])
 

@@ -31,7 +31,7 @@ from service.http.layer.request_checks import (
     read_body,
 )
 from service.http.metrics import Metrics
-from service.http.request_headers import accepts_gzip, field
+from service.http.request_headers import FIELDS, accepts_gzip, first_values
 from service.http.state import JOB_CONTEXT
 from service.problem import ProblemError, request_problem
 from service.settings import Settings
@@ -132,12 +132,15 @@ class ServiceMiddleware:
         began, status = time.perf_counter(), 0
         scope[ARRIVAL] = time.monotonic()
         job = scope.get(JOB_CONTEXT)
-        identity = logs.new_request_id(field(scope, b"x-request-id"))
+        fields = scope[FIELDS] = first_values(scope)
+        identity = logs.new_request_id(fields.get("x-request-id"))
         request_token = logs.request_id.set(identity)
         job_token = logs.job_id.set(None if job is None else job.id)
         added = [*_SECURITY_FIELDS, (b"x-request-id", identity.encode("latin-1"))]
         scope[_ADDED] = added
-        if offers_upgrade(scope):  # the parser drops what was sent behind the offer
+        if "upgrade" in fields and offers_upgrade(
+            scope
+        ):  # the parser drops what was sent behind the offer
             added.append((b"connection", b"close"))
 
         async def send_with_headers(message: Message) -> None:
@@ -163,7 +166,7 @@ class ServiceMiddleware:
 
     async def _open_socket(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Have a WebSocket served that passes all checks; refuse others with a problem document."""
-        scope["method"], scope[_ADDED] = "POST", []
+        scope["method"], scope[_ADDED], scope[FIELDS] = "POST", [], first_values(scope)
         try:
             self._check_head(scope)
             await self._check_access(scope)

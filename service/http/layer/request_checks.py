@@ -19,12 +19,13 @@ import re
 import tempfile
 import time
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from starlette.requests import ClientDisconnect
 from starlette.types import Message, Receive, Scope
 
-from service.http.request_headers import field, values
+from service.http.request_headers import FIELDS, values
 from service.problem import ProblemError, request_problem
 
 #: Key in the scope of a request with the instant at which it began to arrive, on the clock of
@@ -58,7 +59,7 @@ def check_head(scope: Scope) -> None:
             transfer encoding that is not served, or a body behind the offer of another protocol,
             which the parser leaves unread.
     """
-    version, hosts, has_body = scope["http_version"], 0, False
+    version, hosts, has_body, upgrades = scope["http_version"], 0, False, False
     if version not in _VERSIONS:
         raise _malformed(f"HTTP/{version} is not served")
     for name, value in scope["headers"]:
@@ -70,15 +71,17 @@ def check_head(scope: Scope) -> None:
                 raise _malformed("of transfer encodings only chunked is served")
         elif name == b"content-length":
             has_body = has_body or value.strip(b"0") != b""
+        elif name == b"upgrade":
+            upgrades = True
     if hosts > 1 or (hosts == 0 and version != "1.0"):
         raise _malformed("the request must have one header Host")
-    if has_body and offers_upgrade(scope):
+    if has_body and upgrades and offers_upgrade(scope):
         raise _malformed("a request that offers another protocol can't have a body")
 
 
 def offers_upgrade(scope: Scope) -> bool:
     """Whether a request offers to go on in another protocol, of which none is served."""
-    if field(scope, b"upgrade") is None:
+    if not values(scope, b"upgrade"):
         return False
     return any("upgrade" in value.lower() for value in values(scope, b"connection"))
 
@@ -92,6 +95,7 @@ def _malformed(detail: str) -> ProblemError:
     )
 
 
+@lru_cache(256)
 def allowed_host(header: str, names: frozenset[str]) -> bool:
     """Whether a request with this header Host may be answered.
 
@@ -145,14 +149,15 @@ def check_host(scope: Scope, names: frozenset[str], origins: tuple[str, ...]) ->
     """Refuse requests for foreign hosts, and changes by foreign pages.
 
     Args:
-        scope: Scope of the request.
+        scope: Scope of the request, with its `FIELDS`.
         names: Names as `allowed_host` has them.
         origins: Origins whose pages may change things, "*" for all.
 
     Raises:
         ProblemError: HOST_NOT_ALLOWED, FORBIDDEN.
     """
-    host = field(scope, b"host")
+    fields = scope[FIELDS]
+    host = fields.get("host")
     # HTTP/1.1 without the header is refused by `check_head`; older requests come from probes.
     if host is not None and not allowed_host(host, names):
         raise _refused(
@@ -162,7 +167,7 @@ def check_host(scope: Scope, names: frozenset[str], origins: tuple[str, ...]) ->
         )
     if scope["method"] in _READING:
         return
-    origin, site = field(scope, b"origin"), field(scope, b"sec-fetch-site")
+    origin, site = fields.get("origin"), fields.get("sec-fetch-site")
     if is_foreign(origin, site, host, origins):
         raise _refused(
             "FORBIDDEN",
@@ -190,7 +195,7 @@ async def read_body(scope: Scope, receive: Receive, limits: BodyLimits) -> bytes
     """The whole body of a request.
 
     Args:
-        scope: Scope of the request, with the instant `ARRIVAL`.
+        scope: Scope of the request, with its `FIELDS` and the instant `ARRIVAL`.
         receive: Channel of the request.
         limits: Limits of the body.
 
@@ -198,7 +203,7 @@ async def read_body(scope: Scope, receive: Receive, limits: BodyLimits) -> bytes
         ProblemError: PAYLOAD_TOO_LARGE, REQUEST_TIMEOUT.
         ClientDisconnect: The client left before.
     """
-    announced = field(scope, b"content-length") or ""
+    announced = scope[FIELDS].get("content-length", "")
     if announced.isdecimal() and (
         len(announced) > len(str(limits.max_size)) or int(announced) > limits.max_size
     ):

@@ -12,6 +12,8 @@ from service.storage.caches.cache_key import Mount
 
 #: Fields of requests that hold stages.
 _BLOCKS = {"stages", "fallback"}
+#: Fields of requests that say what is mounted.
+MOUNTING = frozenset({"tool", "tcp", "stages", "margins"})
 #: What a request is asked for: its fields, or an instance of its model.
 Asked = Mapping[str, Any] | BaseModel
 

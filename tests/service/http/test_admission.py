@@ -9,6 +9,7 @@ import pytest
 from service.http.errors import headers_of
 from service.http.layer import admission as admission_module
 from service.http.layer.admission import Admission, named_timeout
+from service.http.request_headers import FIELDS, first_values
 from service.settings import Settings
 from service.workers.faults import QueueFull
 from service.workers.load import InFlight
@@ -48,7 +49,8 @@ def admission(wait: float) -> tuple[Admission, Supervisor]:
 def scope_of(path: str, method: str = "POST", **headers: str) -> dict[str, Any]:
     fields = [(n.replace("_", "-").encode(), value.encode()) for n, value in headers.items()]
     client = ("10.0.0.1", 7)
-    return {"type": "http", "method": method, "path": path, "headers": fields, "client": client}
+    scope = {"type": "http", "method": method, "path": path, "headers": fields, "client": client}
+    return scope | {FIELDS: first_values(scope)}
 
 
 async def pass_gate(gate: Admission, scope: dict[str, Any], content: bytes) -> None:
@@ -96,7 +98,7 @@ def test_all_others_are_let_in(scope: dict[str, Any]) -> None:
     gate, supervisor = admission(5.0)
     asyncio.run(pass_gate(gate, scope, b'{"timeout": 2}'))
     large = [*scope["headers"], (b"content-length", b"99999999")]
-    asyncio.run(gate.check_announced(scope | {"headers": large}))
+    asyncio.run(gate.check_announced(scope | {FIELDS: first_values({"headers": large})}))
     assert supervisor.asked == []
 
 
@@ -121,11 +123,11 @@ def test_those_let_in_count_until_they_are_answered() -> None:
 
     async def run() -> None:
         async with gate.admitted(scope_of(IK), b""), gate.admitted(scope_of("/v1/plan"), b""):
-            assert len(supervisor.in_flight) == 1
+            assert supervisor.in_flight.count == 1
             assert supervisor.in_flight.ahead("10.0.0.1", 0) == 1
 
     asyncio.run(run())
-    assert len(supervisor.in_flight) == 0
+    assert supervisor.in_flight.count == 0
 
 
 def test_a_crowd_is_let_in_one_in_each_turn_of_the_event_loop() -> None:
@@ -135,13 +137,13 @@ def test_a_crowd_is_let_in_one_in_each_turn_of_the_event_loop() -> None:
 
     async def ask() -> None:
         async with gate.admitted(scope_of(IK), b""):
-            assert len(supervisor.in_flight) >= 3 - seen.count("asked")
+            assert supervisor.in_flight.count >= 3 - seen.count("asked")
             seen.append("asked")
 
     async def run() -> None:
         crowd = [asyncio.create_task(ask()) for _ in range(3)]
         await asyncio.sleep(0)
-        assert len(supervisor.in_flight) == 3
+        assert supervisor.in_flight.count == 3
         while seen.count("asked") < 3:
             seen.append("health")
             await asyncio.sleep(0)

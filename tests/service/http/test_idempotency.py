@@ -10,6 +10,7 @@ import pytest
 from fastapi import Request, Response
 
 from service.http.idempotency import answer_once
+from service.http.request_headers import FIELDS, first_values
 from service.problem import ProblemError
 from service.storage.store import Store
 from tests.service.jobs.stored import opened
@@ -37,6 +38,7 @@ def request(
     scope = {
         "type": "http", "method": method, "path": path, "headers": headers, "app": app,
         "query_string": b"", "scheme": "http", "server": ("test", 80), "root_path": "",
+        FIELDS: first_values({"headers": headers}),
     }  # fmt: skip
     return Request(scope, receive)
 

@@ -12,6 +12,7 @@ import pytest
 from service.http.errors import status_of
 from service.http.layer import request_checks
 from service.http.layer.request_checks import ARRIVAL, BodyLimits, read_body
+from service.http.request_headers import FIELDS, first_values
 from service.problem import ProblemError
 
 SIZE = 10
@@ -53,7 +54,7 @@ def run(parts: Sequence[bytes | float], length: str | None = None) -> bytes:
     headers = [] if length is None else [(b"content-length", length.encode())]
     with asyncio.Runner(loop_factory=Clockless) as runner:
         clock = SimpleNamespace(monotonic=runner.get_loop().time)
-        scope = {"type": "http", "headers": headers, ARRIVAL: 0.0}
+        scope = {"type": "http", FIELDS: first_values({"headers": headers}), ARRIVAL: 0.0}
         with mock.patch.object(request_checks, "time", clock):
             return runner.run(read_body(scope, receive, BodyLimits(SIZE, 0.05, 0.15)))
 

@@ -17,7 +17,7 @@ def ticket(client: str, name: str = "t") -> Ticket:
 
 
 def order(queue: FairQueue) -> list[str]:
-    return [queue.popleft().job.task for _ in range(len(queue))]
+    return [queue.popleft().job.task for _ in range(queue.count)]
 
 
 def filled(*names: str) -> FairQueue:
@@ -61,7 +61,7 @@ def test_what_is_ahead_of_a_new_ticket_is_what_comes_before_it() -> None:
     for _ in range(200):
         names = [f"{source.choice('abc')}{i}" for i in range(source.randrange(12))]
         queue, client = filled(*names), source.choice("abcd")
-        for _ in range(source.randrange(len(queue) + 1)):
+        for _ in range(source.randrange(queue.count + 1)):
             queue.popleft()
         ahead = {t.job.task for t in queue.ahead(client)}
         queue.append(ticket(client, "new"))

@@ -116,10 +116,10 @@ def test_requests_count_from_their_admission_to_their_answer() -> None:
     in_flight = InFlight()
     for _ in range(5):
         in_flight.enter("a")
-    assert (len(in_flight), in_flight.ahead("a", 0), in_flight.ahead("a", 3)) == (5, 5, 2)
+    assert (in_flight.count, in_flight.ahead("a", 0), in_flight.ahead("a", 3)) == (5, 5, 2)
     for _ in range(5):
         in_flight.leave("a")
-    assert (len(in_flight), in_flight.ahead("a", 0)) == (0, 0)
+    assert (in_flight.count, in_flight.ahead("a", 0)) == (0, 0)
 
 
 def test_a_client_with_many_delays_others_by_one() -> None:
@@ -140,10 +140,10 @@ def test_never_more_come_first_than_there_are(events: list[tuple[str, bool]]) ->
         else:
             in_flight.enter(client)
             clients.append(client)
-    assert len(in_flight) == len(clients)
+    assert in_flight.count == len(clients)
     for client in "abc":
-        assert 0 <= in_flight.ahead(client, 0) <= len(in_flight)
-        assert in_flight.ahead(client, len(in_flight)) == 0
+        assert 0 <= in_flight.ahead(client, 0) <= in_flight.count
+        assert in_flight.ahead(client, in_flight.count) == 0
 
 
 async def test_what_is_still_parsed_counts_against_those_that_arrive(
