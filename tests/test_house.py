@@ -17,19 +17,9 @@ from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 from tests.conftest import LONG
+from tests.test_sizes import PRODUCT as PACKAGES
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = (
-    "armwright",
-    "command_line",
-    "compiled",
-    "kinematics",
-    "dynamics",
-    "obstacles",
-    "planning",
-    "tracking",
-    "service",
-)
 CONFIGURATION = (
     "pyproject.toml",
     "client/pyproject.toml",

@@ -1,20 +1,15 @@
 """Claims of the README: its example, commands, pictures, tables and numbers."""
 
-import os
 import re
 import shlex
 import subprocess
 import sys
-import tempfile
-import time
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
 import pytest
 
-from armwright_client import Client, NotReady, TransportError
 from armwright_wire.motions.simulation import Controller
 from armwright_wire.plans.tour import MAX_GOALS
 from kinematics.robots import builtin_names
@@ -22,7 +17,7 @@ from planning.exports.options import ExportFormat
 from planning.values.optimize_options import OBJECTIVES
 from service.version import VERSION
 from tests.command_line.commands import Run, runner
-from tests.service.commands import start_command
+from tests.service.commands import serve
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -31,41 +26,18 @@ ROWS = dict(re.findall(r"^\| \[(\w[^\]]*)\]\([^|]* \| (.*) \|$", README, re.MULT
 COUNTS = {"five": 5, "ten": 10}
 
 
-@pytest.fixture
-def address() -> Iterator[str]:
-    with tempfile.TemporaryDirectory() as folder:
-        running = start_command(
-            ["serve", "--port", "0", "--workers", "1", "--data-dir", folder],
-            stdout=subprocess.PIPE,
-            # A busy machine may take longer over the first plan of a worker than users wait.
-            env=os.environ | {"ARMWRIGHT_DEFAULT_TIMEOUT": "60"},
-        )
-        assert running.stdout is not None
-        try:
-            line = next(line for line in running.stdout if "http://" in line)
-            yield "http://" + line.split("http://")[1].strip()
-        finally:
-            running.terminate()
-            running.wait(20.0)
-            running.stdout.close()
-
-
-def test_example_prints_what_the_readme_says(address: str) -> None:
+def test_example_prints_what_the_readme_says(tmp_path: Path) -> None:
     example = re.search(r"```python\n(.*?)```", README, re.DOTALL)
     printed = re.search(r"prints\n\n```\n(.*?)```", README, re.DOTALL)
     assert example is not None
     assert printed is not None
-    with Client(address) as client:
-        for _ in range(600):
-            try:
-                client.readyz()
-                break
-            except (NotReady, TransportError):
-                time.sleep(0.2)
-    code = example[1].replace("http://127.0.0.1:8000", address)
-    answer = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=90.0
-    )
+    # A busy machine may take longer over the first plan of a worker than users wait.
+    settings = {"ARMWRIGHT_DEFAULT_TIMEOUT": "60", "ARMWRIGHT_WORKERS": "1"}
+    with serve(tmp_path, environment=settings) as (_, client):
+        code = example[1].replace("http://127.0.0.1:8000", str(client.base_url))
+        answer = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=90.0
+        )
     assert (answer.stdout, answer.stderr) == (printed[1], "")
 
 

@@ -1,15 +1,12 @@
 """One real service for all tests of this folder: its own process, with workers."""
 
-import os
-import subprocess
-import time
 from collections.abc import Iterator
 
 import pytest
 
-from armwright_client import Client, NotReady, Scene
+from armwright_client import Client, Scene
 from tests.client.world import TABLE
-from tests.service.commands import start_command
+from tests.service.commands import serve
 from tests.service.kernel_store import frozen_kernels
 
 #: Kernels that no earlier run left compiled take a minute or two [s].
@@ -26,34 +23,11 @@ def _no_request_compiles() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Where the service listens."""
+    settings = {"DEFAULT_TIMEOUT": "60", "LOG_LEVEL": "error", "WORKERS": "1"}
+    environment = {f"ARMWRIGHT_{name}": value for name, value in settings.items()}
     folder = tmp_path_factory.mktemp("service")
-    arguments = ["serve", "--port", "0", "--workers", "1", "--data-dir", str(folder / "data")]
-    environment = {**os.environ, "ARMWRIGHT_DEFAULT_TIMEOUT": "60"}
-    with (folder / "log").open("w") as log:
-        process = start_command(arguments, stdout=subprocess.PIPE, stderr=log, env=environment)
-    try:
-        assert process.stdout is not None
-        said = process.stdout.readline()
-        assert said, (folder / "log").read_text()
-        address = said.split()[-1]
-        with Client(address) as client:
-            wait_until_ready(client)
-        yield address
-    finally:
-        process.terminate()
-        process.communicate(timeout=30)
-
-
-def wait_until_ready(client: Client) -> None:
-    end = time.monotonic() + _WARMING
-    while True:
-        try:
-            client.readyz()
-        except NotReady:
-            assert time.monotonic() < end, "the service does not become ready"
-            time.sleep(0.2)
-        else:
-            return
+    with serve(folder, environment=environment, longest=_WARMING) as (_, client):
+        yield str(client.base_url)
 
 
 @pytest.fixture

@@ -1,8 +1,16 @@
 """A service that answers what it was told to, for what a real one does rarely."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import httpx
+import pytest
+
+from armwright_client import AsyncClient, Client
+
+URL = "http://robots.example"
+
 
 Answer = httpx.Response | Exception
 
@@ -43,3 +51,31 @@ def problem(
         json=document | fields,
         headers={"content-type": "application/problem+json"} | (headers or {}),
     )
+
+
+def once(answers: list[Answer], ask: Callable[[Client], Any], **options: Any) -> Any:
+    """Ask a scripted service by `Client`; and the same by `AsyncClient`, for the same answer."""
+    with Client(URL, transport=Scripted(list(answers)), **options) as client:
+        return ask(client)
+
+
+async def asked_async(transport: Scripted, ask: Callable[[AsyncClient], Any]) -> httpx.Request:
+    async with AsyncClient(URL, transport=transport) as client:
+        await ask(client)
+    return transport.requests[-1]
+
+
+def noted_pauses(monkeypatch: pytest.MonkeyPatch, module: ModuleType) -> list[float]:
+    """The pauses that a module makes from now on: its clock goes on by them, and nobody waits.
+
+    Only this module's: servers of other tests may run in threads of this process, and need theirs.
+    """
+    made: list[float] = []
+
+    async def note(seconds: float) -> None:
+        made.append(seconds)
+
+    clock = SimpleNamespace(sleep=made.append, monotonic=lambda: 1000.0 + sum(made))
+    monkeypatch.setattr(module, "time", clock)
+    monkeypatch.setattr(module, "asyncio", SimpleNamespace(sleep=note))
+    return made

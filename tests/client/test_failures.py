@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import gzip
-import inspect
 import socket
 from collections.abc import Iterator
 
@@ -12,8 +11,7 @@ import pytest
 
 import armwright_client as ours
 from armwright_client import AsyncClient, Client
-from tests.client.calls import URL, asked_async, once
-from tests.client.scripted import Scripted, problem
+from tests.client.scripted import URL, Scripted, asked_async, once, problem
 
 
 def test_a_problem_is_raised_as_its_class() -> None:
@@ -148,31 +146,3 @@ def test_a_closed_client_says_so() -> None:
 
     with pytest.raises(ours.TransportError, match="the client is closed"):
         asyncio.run(ask())
-
-
-def test_both_clients_have_the_same_methods() -> None:
-    def methods(group: object) -> dict[str, str]:
-        names = [name for name in dir(group) if not name.startswith("_") and name != "close"]
-        found = {name: getattr(group, name) for name in names}
-        return {
-            name: str(list(inspect.signature(method).parameters.values()))
-            for name, method in found.items()
-            if callable(method)
-        }
-
-    waited, awaited = Client(URL), AsyncClient(URL)
-    assert methods(waited) == methods(awaited)
-    assert {"check", "plan", "validate", "healthz", "readyz"} <= methods(waited).keys()
-    for group in ("robots", "scenes", "jobs"):
-        both = getattr(waited, group), getattr(awaited, group)
-        assert methods(both[0]) == methods(both[1]) != {}
-    waited.close()
-    asyncio.run(awaited.close())
-
-
-def test_methods_tell_what_they_do() -> None:
-    with Client(URL) as client:
-        assert (client.robots.fk.__doc__ or "").startswith("Poses of the links")
-        parameters = inspect.signature(client.robots.fk).parameters
-        assert list(parameters) == ["robot", "joints", "options"]
-    assert (type(client.robots).fk.__doc__ or "").startswith("Poses of the links")

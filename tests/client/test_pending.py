@@ -11,8 +11,7 @@ import pytest
 import armwright_client as ours
 from armwright_client import AsyncClient, Client
 from armwright_client import call as call_module
-from tests.client.pauses import noted_pauses
-from tests.client.scripted import Answer, Scripted, problem
+from tests.client.scripted import Answer, Scripted, noted_pauses, problem
 
 URL = "http://robots.example"
 CERTIFICATE = {

@@ -13,9 +13,16 @@ import pytest
 import armwright_client as ours
 from armwright_client import Client, Retry, session
 from armwright_client.client import items, items_async
-from tests.client.calls import URL, asked_async, once
-from tests.client.pauses import noted_pauses
-from tests.client.scripted import Answer, Scripted, health, problem
+from tests.client.scripted import (
+    URL,
+    Answer,
+    Scripted,
+    asked_async,
+    health,
+    noted_pauses,
+    once,
+    problem,
+)
 
 SCENE = ours.Scene(name="s", obstacles=[])
 SUMMARY = {"name": "s", "hash": "0", "version": 1, "created": "now", "updated": "now"}

@@ -55,6 +55,7 @@ def test_methods_can_be_looked_at_and_called_on_the_class() -> None:
     assert answer_of(Client.plan) is Plan
     assert next(iter(signature(Client.plan).parameters)) == "self"
     assert Client.plan.__doc__ == Client().plan.__doc__
+    assert (Client().robots.fk.__doc__ or "").startswith("Poses of the links")
     with Client() as client, pytest.raises(armwright_client.InvalidArgument):
         Client.plan(client, "panda", "nonsense", [0.0])
 

@@ -5,6 +5,7 @@ import io
 import json
 import sys
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -39,21 +40,28 @@ TOOL = f"""<robot {XACRO}><xacro:macro name="tool" params=""><link name="tip"/>
 </xacro:macro></robot>"""
 
 
-@pytest.fixture
-def package(tmp_path: Path) -> Path:
-    """A package of an arm beside that of its tool."""
-    files = {
-        "arm_description/package.xml": "<package><name>arm_description</name></package>",
-        "arm_description/urdf/bench.urdf.xacro": MAIN,
-        "arm_description/urdf/macro.xacro": MACRO,
-        "arm_description/meshes/a.obj": BOX_OBJ,
-        "tool_description/urdf/tool.xacro": TOOL,
-    }
+#: A package of an arm beside that of its tool.
+FILES = {
+    "arm_description/package.xml": "<package><name>arm_description</name><license>MIT</license>"
+    "</package>",
+    "arm_description/urdf/bench.urdf.xacro": MAIN,
+    "arm_description/urdf/macro.xacro": MACRO,
+    "arm_description/meshes/a.obj": BOX_OBJ,
+    "tool_description/urdf/tool.xacro": TOOL,
+}
+
+
+def write(folder: Path, files: Mapping[str, str]) -> Path:
     for name, text in files.items():
-        path = tmp_path / name
+        path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
-    return tmp_path / "arm_description"
+    return folder
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    return write(tmp_path, FILES) / "arm_description"
 
 
 def heights(urdf: str | None) -> list[float]:

@@ -13,27 +13,10 @@ from robot_descriptions import _repositories
 from service.app import create_app
 from service.settings import Settings
 from tests.client.test_mjcf import ARM
-from tests.client.test_xacro import MACRO, MAIN, TOOL
+from tests.client.test_xacro import FILES, MACRO, MAIN, TOOL, write
 from tests.command_line.commands import Run
 from tests.service.robots import BOX_OBJ
 from tests.service.server import serving
-
-PACKAGE = "<package><name>arm_description</name><license>MIT</license></package>"
-FILES = {
-    "arm_description/package.xml": PACKAGE,
-    "arm_description/urdf/bench.urdf.xacro": MAIN,
-    "arm_description/urdf/macro.xacro": MACRO,
-    "arm_description/meshes/a.obj": BOX_OBJ,
-    "tool_description/urdf/tool.xacro": TOOL,
-}
-
-
-def write(folder: Path, files: dict[str, str]) -> Path:
-    for name, text in files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-    return folder
 
 
 @pytest.fixture

@@ -6,25 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from command_line.app import _COMMANDS
 from command_line.main import SERVER_COMMANDS, main
 from command_line.problems import ExitCode
 from service.version import VERSION
 from tests.command_line.commands import Run
 
-COMMANDS = (
-    "plan",
-    "ik",
-    "fk",
-    "check",
-    "validate",
-    "retime",
-    "simulate",
-    "reach",
-    "convert",
-    "robots",
-    "scenes",
-    "doctor",
-)
+COMMANDS = [command.__name__ for command in _COMMANDS]
 ROOT = Path(__file__).parents[2]
 
 

@@ -32,6 +32,7 @@ def serve(
     data: Path,
     *,
     warm: bool = True,
+    longest: float = 90.0,
     environment: Mapping[str, str] = {},
     under: Sequence[str] = (),
 ) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
@@ -40,6 +41,7 @@ def serve(
     Args:
         data: Folder of its database.
         warm: Whether it is ready only when its workers are.
+        longest: Longest wait for that [s].
         environment: More variables.
         under: A command that runs it, with arguments.
     """
@@ -55,7 +57,7 @@ def serve(
         address = re.fullmatch(r"Armwright serves on (http://127\.0\.0\.1:\d+)\n", said)
         assert address, said
         with httpx.Client(base_url=address[1], timeout=60.0) as client:
-            assert not warm or wait_until(lambda: client.get("/readyz").status_code == 200, 90.0)
+            assert not warm or wait_until(lambda: client.get("/readyz").status_code == 200, longest)
             yield process, client
     finally:
         process.kill()
