@@ -98,17 +98,3 @@ def test_the_energy_of_the_pendulum_falls_by_its_friction(pendulum: dict[str, An
     np.testing.assert_allclose(V - V[0], fallen, atol=1e-3)
     assert (np.diff(V) <= 1e-9).all()
     assert (V > 0.0).all()
-
-
-def test_the_energy_of_the_pendulum_decides_by_lasalle(service: httpx.Client) -> None:
-    parameters = {"mass": MASS, "length": LENGTH, "gravity": G, "damping": FRICTION}
-    states = np.random.default_rng(30).uniform(-1.0, 1.0, (5, 2))
-    body = {"system": "pendulum", "parameters": parameters, "x": states.tolist()}
-    found = ask(service, "lyapunov", body)
-    x1, x2 = states.T
-    inertia = MASS * LENGTH**2
-    energy = 0.5 * inertia * x2**2 + MASS * G * LENGTH * (1.0 - np.cos(x1))
-    np.testing.assert_allclose(found["values"], energy, rtol=1e-12)
-    np.testing.assert_allclose(found["rates"], -FRICTION * x2**2, rtol=1e-12)
-    assert found["verdict"] == "asymptotically_stable"
-    assert "LaSalle" in found["reason"]

@@ -14,33 +14,6 @@ POINTS = [[0.0, 0.4], [0.5, -0.2], [0.3, 0.1], [1.1, 0.9], [0.7, 0.3]]
 LIMITS = {"velocity": [50.0, 50.0], "acceleration": [500.0, 500.0], "jerk": [9e4, 9e4]}
 
 
-def notes_coefficients(values: Any) -> Any:
-    """The linear system of the notes: 4N unknowns of P_i(t) = a3 t³ + a2 t² + a1 t + a0."""
-    n = len(TIMES) - 1
-    rows, right = [], []
-
-    def row(terms: list[tuple[int, int, float, float]], value: float) -> None:
-        """One equation: sum of sign * (derivative of P_i at t) = value."""
-        line = np.zeros(4 * n)
-        for i, order, t, sign in terms:
-            powers = np.polynomial.polynomial.polyder(np.eye(4), order, axis=1)
-            line[4 * i : 4 * i + 4] += sign * np.polynomial.polynomial.polyval(t, powers.T)
-        rows.append(line)
-        right.append(value)
-
-    for i in range(n):
-        row([(i, 0, TIMES[i], 1.0)], values[i])
-    row([(n - 1, 0, TIMES[n], 1.0)], values[n])
-    for order in range(3):
-        for i in range(n - 1):
-            t = TIMES[i + 1]
-            row([(i, order, t, 1.0), (i + 1, order, t, -1.0)], 0.0)
-    row([(0, 2, TIMES[0], 1.0)], 0.0)
-    row([(n - 1, 2, TIMES[n], 1.0)], 0.0)
-    assert len(rows) == 4 * n
-    return np.linalg.solve(np.array(rows), right).reshape(n, 4)
-
-
 @pytest.fixture(scope="module")
 def segments(service: httpx.Client) -> list[dict[str, Any]]:
     body = {
@@ -56,40 +29,6 @@ def value(segments: list[dict[str, Any]], joint: int, t: float, order: int = 0) 
     one = next(s for s in segments if s["t0"] - 1e-12 <= t <= s["t1"] + 1e-12)
     poly = np.polynomial.Polynomial(one["coefficients"][joint])
     return float(poly.deriv(order)(t - one["t0"]) if order else poly(t - one["t0"]))
-
-
-@pytest.mark.parametrize("joint", [0, 1])
-@pytest.mark.parametrize("piece", range(4))
-def test_each_piece_solves_the_system_of_the_notes(
-    segments: list[dict[str, Any]], joint: int, piece: int
-) -> None:
-    a = notes_coefficients([row[joint] for row in POINTS])[piece]
-    for t in np.linspace(TIMES[piece], TIMES[piece + 1], 7):
-        expected = np.polynomial.polynomial.polyval(t, a)
-        assert value(segments, joint, float(t)) == pytest.approx(expected, abs=1e-9)
-
-
-@pytest.mark.parametrize("joint", [0, 1])
-@pytest.mark.parametrize("knot", range(5))
-def test_interpolation(segments: list[dict[str, Any]], joint: int, knot: int) -> None:
-    expected = POINTS[knot][joint]
-    assert value(segments, joint, TIMES[knot]) == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize("order", [0, 1, 2])
-@pytest.mark.parametrize("knot", [1, 2, 3])
-def test_derivatives_are_continuous(segments: list[dict[str, Any]], knot: int, order: int) -> None:
-    before = next(s for s in segments if abs(s["t1"] - TIMES[knot]) < 1e-12)
-    after = next(s for s in segments if abs(s["t0"] - TIMES[knot]) < 1e-12)
-    for joint in (0, 1):
-        left = value([before], joint, TIMES[knot], order)
-        assert left == pytest.approx(value([after], joint, TIMES[knot], order), abs=1e-9)
-
-
-@pytest.mark.parametrize("joint", [0, 1])
-def test_no_acceleration_at_the_ends(segments: list[dict[str, Any]], joint: int) -> None:
-    assert value(segments, joint, TIMES[0], 2) == pytest.approx(0.0, abs=1e-9)
-    assert value(segments, joint, TIMES[-1], 2) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("joint", [0, 1])

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory.polynomial import (
-    piece_extrema_kernel,
     sample_kernel,
     shift_kernel,
     unit_roots_kernel,
@@ -445,16 +444,3 @@ def test_samples_at_a_break_are_of_the_piece_that_begins_there() -> None:
     np.testing.assert_allclose(values[:, 0], [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0])
     sample_kernel(breaks, coefficients, times, 2, values)
     assert not values.any()
-
-
-@given(numbers((1, 1, 6), 3.0), st.floats(0.05, 4.0), st.integers(0, 3))
-def test_the_range_of_a_piece_holds_its_values_tightly(
-    coefficients: Array, h: float, order: int
-) -> None:
-    lower, upper = np.empty((2, 1, 1))
-    piece_extrema_kernel(np.array([0.0, h]), coefficients, order, np.empty((10, 6)), lower, upper)
-    p = Polynomial(coefficients[0, 0]).deriv(order) if order else Polynomial(coefficients[0, 0])
-    values = p(h * np.linspace(0.0, 1.0, 4001))
-    spread = np.ptp(values) + 1e-12 * (1.0 + np.abs(values).max())
-    assert lower[0, 0] - 1e-9 * spread <= values.min() <= lower[0, 0] + 1e-4 * spread
-    assert upper[0, 0] + 1e-9 * spread >= values.max() >= upper[0, 0] - 1e-4 * spread
