@@ -8,7 +8,7 @@ All limits but that of the jerk are linear, and the time is convex. A primal-dua
 leaves the inside ("Numerical Optimization", 2006, chapter 19) gets within a thousandth of the least
 time in some 30 steps, and has an answer that keeps every limit whenever it is stopped.
 
-Cholesky's factors of matrices with two diagonals on either side, in place.
+Cholesky's factors of matrices with few diagonals on either side, in place.
 """
 
 import math
@@ -31,46 +31,7 @@ from planning.timing.jerk.grid import (
 
 
 @kernel(allocates=False)
-def solve_banded_kernel(band: Array, right: Array) -> bool:
-    """Solve A x = b in place by Cholesky's factors; False where A is not positive definite.
-
-    Args:
-        band: The symmetric A with two diagonals on either side, shape (N, 3): ``band[i, k]`` is the
-            entry in row i, column i - k. Its factors take its place.
-        right: b, and the answer x, shape (N,).
-    """
-    size = band.shape[0]
-    for i in range(size):
-        if i >= 2:
-            band[i, 2] /= band[i - 2, 0]
-            band[i, 1] -= band[i, 2] * band[i - 1, 1]
-        if i >= 1:
-            band[i, 1] /= band[i - 1, 0]
-        pivot = band[i, 0] - band[i, 1] * band[i, 1] if i >= 1 else band[i, 0]
-        if i >= 2:
-            pivot -= band[i, 2] * band[i, 2]
-        if not pivot > 0.0:
-            return False
-        band[i, 0] = math.sqrt(pivot)
-    for i in range(size):
-        value = right[i]
-        if i >= 1:
-            value -= band[i, 1] * right[i - 1]
-        if i >= 2:
-            value -= band[i, 2] * right[i - 2]
-        right[i] = value / band[i, 0]
-    for i in range(size - 1, -1, -1):
-        value = right[i]
-        if i + 1 < size:
-            value -= band[i + 1, 1] * right[i + 1]
-        if i + 2 < size:
-            value -= band[i + 2, 2] * right[i + 2]
-        right[i] = value / band[i, 0]
-    return True
-
-
-@kernel(allocates=False)
-def solve_wide_band_kernel(band: Array, right: Array, width: int) -> bool:
+def solve_banded_kernel(band: Array, right: Array, width: int) -> bool:
     """Solve A X = B in place by Cholesky's factors; False where A is not positive definite.
 
     Args:
@@ -144,14 +105,16 @@ def least_time_kernel(rows: JerkLimits, z: Array, centrality: float, tolerance: 
         np.empty((size - 1, rows.knot_rows.shape[1], 2)),
         np.empty((size - 2, 2, rows.jerk_rows.shape[2], 2)),
     )
-    step, trial, band = np.empty(size), np.empty(size), np.empty((size, 3))
+    step, trial = np.empty(size), np.empty(size)
+    # The right-hand side is the first column of a vector's width.
+    system = np.empty((size, 3)), np.zeros((size, LANES))
     time, count = time_kernel(rows, z), count_kernel(rows)
     mu = centrality * time / count
     most = mu
     _start_kernel(rows, z, mu, duals)
     max_steps = 60
     for steps in range(max_steps):
-        if not _step_kernel(rows, z, mu, duals, step, band):
+        if not _step_kernel(rows, z, mu, duals, step, system):
             return -steps
         length = _length_kernel(rows, z, step, trial)
         if length <= 0.0:
@@ -173,14 +136,16 @@ def least_time_kernel(rows: JerkLimits, z: Array, centrality: float, tolerance: 
 
 @kernel
 def _step_kernel(
-    rows: JerkLimits, z: Array, mu: float, duals: Duals, step: Array, band: Array
+    rows: JerkLimits, z: Array, mu: float, duals: Duals, step: Array, system: tuple[Array, Array]
 ) -> bool:
     """Write Newton's step, without the indefinite part of the Hessian if need be."""
+    band, right = system
     for convex in (False, True):
         _system_kernel(rows, z, mu, duals, convex, step, band)
         for k in range(step.shape[0]):
-            step[k] = -step[k]
-        if solve_banded_kernel(band, step):
+            right[k, 0] = -step[k]
+        if solve_banded_kernel(band, right, 3):
+            step[:] = right[:, 0]
             step[0], step[-1] = step[1], step[-2]
             return True
     return False

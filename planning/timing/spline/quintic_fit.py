@@ -31,7 +31,7 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory.polynomial import sample_kernel
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.even_corners import Pieces
-from planning.timing.jerk.interior_point import solve_wide_band_kernel
+from planning.timing.jerk.interior_point import solve_banded_kernel
 from planning.timing.spline.span_loads import (
     SpanLoads,
     no_loads,
@@ -198,7 +198,7 @@ def fit_points(
             control[row, joint] = ends[0, joint]
             control[size + DEGREE - 1 - row, joint] = ends[1, joint]
     _add_normal_equations(points, room.values, control, room.band)
-    solve_wide_band_kernel(room.band, control[_FIXED : _FIXED + unknown], ORDER)
+    solve_banded_kernel(room.band, control[_FIXED : _FIXED + unknown], ORDER)
     for i in range(size):
         at = i // LANES * TABLE + i % LANES
         for block in range(0, width, LANES):
@@ -219,7 +219,7 @@ def _add_normal_equations(points: Array, values: Array, control: Array, band: Ar
         values: Values of the basis functions at the points.
         control: The fixed control points, zeros between them; the right-hand sides take their
             place, shape (N + 5, n').
-        band: Filled with the matrix for ``solve_wide_band_kernel``, shape (N - 1, 8).
+        band: Filled with the matrix for ``solve_banded_kernel``, shape (N - 1, 8).
     """
     size, count, width = points.shape
     band[:] = 0.0

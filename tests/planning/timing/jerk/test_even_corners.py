@@ -17,8 +17,6 @@ from planning.timing.jerk.double_s import (
 )
 from planning.timing.jerk.even_corners import (
     fastest_reaches,
-    pass_even_corners,
-    rounded_pieces_kernel,
     time_even_corners,
 )
 from planning.timing.jerk.jerk_limited import time_path_with_jerk
@@ -83,24 +81,6 @@ def test_a_line_takes_seven_phases_at_most() -> None:
     best = time_path_with_jerk(line, ("a", "b"), *limits).trajectory
     assert motion.pieces <= 7
     assert motion.duration == pytest.approx(best.duration, rel=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_pieces_of_a_polyline_are_those_of_its_path(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    points = merge(rng.uniform(-1.5, 1.5, (int(rng.integers(2, 9)), 7)))
-    limits = _limits(10.0)
-    reaches = rng.choice([0.0, 0.4, 1.0]) * largest_reaches(points)
-    path = blend(points, reaches, smooth=True)
-    motion = pass_even_corners(path, names(7), limits)
-    breaks, coefficients = rounded_pieces_kernel(points, reaches, limits)
-    np.testing.assert_array_equal(breaks, motion.breaks)
-    np.testing.assert_array_equal(coefficients, motion.coefficients)
-    # Position and velocity along the path, worked out from its own polynomials.
-    places = np.concatenate([[0.0], np.cumsum(path.lengths)])
-    at_breaks = path.sample(places)
-    away = np.linalg.norm(motion.sample(breaks)[:, None] - at_breaks[None], axis=2)
-    assert away.min(axis=0).max() < 1e-9
 
 
 def _ramp_length(low: float, high: float, limits: np.ndarray) -> float:

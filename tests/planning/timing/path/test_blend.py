@@ -19,7 +19,6 @@ from planning.timing.path.blend import (
     largest_reaches,
     merge,
     reach_for_deviation,
-    rounded_kernel,
 )
 from planning.timing.path.path import JointPath
 from planning.values.deadline import Deadline
@@ -178,27 +177,6 @@ def test_malformed_paths_are_refused() -> None:
     for places in ([-0.1], [1.1], [np.nan]):
         with pytest.raises(InvalidOption):
             path.sample(places)
-
-
-@pytest.mark.parametrize("n", [1, 2, 7, 8, 14])
-def test_the_kernel_blends_as_the_function_does(n: int) -> None:
-    for seed in range(40):
-        rng = np.random.default_rng(seed)
-        points = np.cumsum(rng.uniform(-0.5, 0.7, (int(rng.integers(2, 9)), n)), axis=0)
-        if seed % 3 == 0 and len(points) > 3:
-            points[2] = points[1] + 1.7 * (points[1] - points[0])
-        if seed % 5 == 0 and len(points) > 3:
-            points[3] = points[1]
-        waypoints = merge(points)
-        reaches = largest_reaches(waypoints)
-        reaches *= rng.choice([0.0, 1e-8, 0.3, 1.0 - 1e-9, 1.0], len(reaches))
-        path = blend(waypoints, reaches, smooth=True)
-        coefficients, lengths = rounded_kernel(waypoints, reaches, True)
-        # numpy adds squares of eight joints or more in another order.
-        scale = np.abs(path.coefficients).max()
-        close = 1e-13 * scale if n > 7 else 0.0
-        np.testing.assert_allclose(lengths, path.lengths, rtol=0.0, atol=close)
-        np.testing.assert_allclose(coefficients, path.coefficients, rtol=0.0, atol=close)
 
 
 #: Of two links in the plane of x and z: the way from BEFORE to BEHIND round the corner folds the

@@ -40,7 +40,7 @@ from planning.timing.spline.quintic_fit import (
     fit_spans_kernel,
 )
 from planning.timing.spline.span_loads import no_loads
-from planning.timing.spline.spline import Ends, chord_knots, spline_path, spline_trajectory
+from planning.timing.spline.spline import chord_knots, spline_path, spline_trajectory
 from planning.timing.time_scaling import ScaledTime
 from service.translate.trajectories import trajectory_answer
 from tests.planning.pinocchio_arm import PinocchioArm
@@ -114,29 +114,6 @@ def test_slow_motions_have_no_more_pieces_than_their_legs_need() -> None:
     limits = LIMITS / np.array([[10.0], [100.0], [1000.0]])
     spline = fit_quintic(slow, names(7), limits, len(points) - 1).trajectory
     assert spline.pieces == 6 * (len(points) - 1)
-
-
-@pytest.mark.parametrize("ends", ["natural", "clamped"])
-@pytest.mark.parametrize("k", [2, 3, 4, 9, 60])
-def test_splines_agree_with_scipys(ends: Ends, k: int) -> None:
-    rng = np.random.default_rng(k)
-    for n in (1, 7):
-        points = rng.uniform(-3.0, 3.0, (k, n))
-        times = np.concatenate([[0.0], np.cumsum(10.0 ** rng.uniform(-1.5, 1.0, k - 1))])
-        mine = spline_trajectory([f"j{i}" for i in range(n)], points, times, ends)
-        other = CubicSpline(times, points, bc_type=ends)
-        # scipy: descending powers, (power, piece, joint).
-        expected = np.moveaxis(other.c[::-1], 0, -1)
-        scale = 1.0 + np.abs(expected).max(axis=(0, 1))
-        assert (np.abs(mine.coefficients - expected) <= 1e-11 * scale).all()
-        np.testing.assert_allclose(mine.sample(times), points, atol=1e-12)
-        position, velocity, acceleration = mine.continuity()
-        assert position < 1e-12
-        assert velocity < 1e-11 * scale[1]
-        assert acceleration < 1e-11 * scale[2]
-        order = 2 if ends == "natural" else 1
-        rest = mine.sample(times[[0, -1]], order)
-        assert np.abs(rest).max() <= 1e-11 * scale[order]
 
 
 def test_the_path_is_the_same_curve() -> None:
