@@ -5,13 +5,11 @@ outside, that point is the orthogonal projection onto the solid.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot, row, subtract
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 
-Indices = NDArray[np.int64]
 #: Nearest point of the boundary, and the signed distance.
 Nearest = tuple[float, float, float, float]
 

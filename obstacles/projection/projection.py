@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import kernel
-from compiled.simd import on_stack
 from compiled.vec3 import Vector
 from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import array_bytes, bounded_cache
@@ -33,15 +32,7 @@ from obstacles.convex.closest_point import (
 from obstacles.convex.hull import Hull, convex_hull, principal_axes
 from obstacles.convex.piece import Piece, PieceArrays, PieceKind, core_of
 from obstacles.meshes.winding import winding_numbers
-from obstacles.scenes.scene import (
-    AS_BALLS,
-    AS_PRIMITIVES,
-    Obstacle,
-    Scene,
-    primitives_of,
-    way_of_packing,
-)
-from obstacles.shapes.primitives import Primitive, Primitives, write_core
+from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Mesh, PointCloud
 
 HULL = int(PieceKind.POLYTOPE)
@@ -50,11 +41,6 @@ CONE = int(PieceKind.CONE)
 HALFSPACE = int(PieceKind.HALFSPACE)
 #: Boxes about their frame have a shorter way than other hulls.
 BOX = 4
-#: Kinds of primitives here, in the order of theirs.
-_PRIMITIVE_KINDS = np.array([BOX, HULL, CYLINDER, CONE, HALFSPACE], dtype=np.int64)
-_PRIMITIVE_KINDS.setflags(write=False)
-_BOX, _BALL = int(Primitive.BOX), int(Primitive.BALL)
-_HALFSPACE = int(Primitive.HALFSPACE)
 #: Winding number beyond which a point is inside.
 INSIDE = 0.5
 
@@ -116,12 +102,8 @@ def pack_obstacles(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
     """Pack obstacles, in their order, for ``projection.project_kernel``."""
     # Those that are packed alike together: a call for each of many small ones costs the most.
     blocks, counts, filled = [_EMPTY], list[int](), list[int]()
-    for way, run in groupby(obstacles, way_of_packing):
-        if way == AS_PRIMITIVES:
-            blocks.append(_primitive_block(primitives_of(run)))
-            counts += [1] * len(blocks[-1].kinds)
-            filled += [0] * len(blocks[-1].kinds)
-        elif way == AS_BALLS:
+    for is_cloud, run in groupby(obstacles, lambda obstacle: obstacle.is_cloud):
+        if is_cloud:
             own = [_cloud(obstacle.balls()) for obstacle in run]
             counts += [len(block.kinds) for block in own]
             filled += [0] * len(own)
@@ -195,47 +177,6 @@ def _is_enclosed(piece: Piece, filled: Sequence[Piece]) -> bool:
     number, faces = np.empty(1), np.arange(len(corners)).reshape(-1, 3)
     winding_numbers(piece.vertices.mean(axis=0)[None], corners, faces, number)
     return bool(number[0] > INSIDE)
-
-
-def _primitive_block(primitives: Primitives) -> _Block:
-    kinds = primitives.kinds
-    k, sizes, balls = len(kinds), np.zeros((len(kinds), 4)), np.empty((len(kinds), 4))
-    primitive_balls_kernel(primitives, sizes, balls)
-    # A ball is a rounded point; the rest need no corners.
-    one = (kinds == Primitive.BALL).astype(np.int64)
-    points = int(one.sum())
-    across = np.empty((k, 3))
-    across[:] = _ALONG_X
-    return _Block(
-        kinds=_PRIMITIVE_KINDS[kinds],
-        poses=primitives.poses,
-        sizes=sizes,
-        balls=balls,
-        across=across,
-        solid=np.zeros(k, dtype=np.bool_),
-        corners=np.zeros((points, 3)),
-        corner_counts=one,
-        triangles=np.zeros((points, 3), dtype=np.int64),
-        planes=np.zeros((points, 4)),
-        triangle_counts=one,
-    )
-
-
-@kernel(allocates=False, unlocks=False)
-def primitive_balls_kernel(primitives: Primitives, sizes: Array, balls: Array) -> None:
-    """Write ``sizes``, which hold zeros, and ``balls`` of primitives, as ``ProjectionArrays``."""
-    kinds, poses, box = primitives.kinds, primitives.poses, on_stack(6)
-    for k in range(kinds.shape[0]):
-        measures = primitives.measures[k]
-        height, balls[k, 3] = write_core(kinds[k], measures, box)
-        for row in range(3):
-            balls[k, row] = poses[k, row, 2] * height + poses[k, row, 3]
-        if kinds[k] == _BOX:
-            sizes[k, 0], sizes[k, 1], sizes[k, 3] = box[3], box[4], box[5]
-        elif kinds[k] == _BALL:
-            sizes[k, 2] = measures[0]
-        elif kinds[k] != _HALFSPACE:
-            sizes[k, 0], sizes[k, 1] = measures[0], 0.5 * measures[1]
 
 
 def _cloud(cloud: PieceArrays) -> _Block:

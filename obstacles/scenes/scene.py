@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from itertools import groupby
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,40 +28,6 @@ Packed: TypeAlias = tuple[PieceArrays, NDArray[np.int64], Array]
 Pair: TypeAlias = tuple[str, str]
 _HALFSPACE = int(Primitive.HALFSPACE)
 _LAST_ROW = [0.0, 0.0, 0.0, 1.0]
-AS_PRIMITIVES, AS_BALLS, AS_PIECES = range(3)
-
-
-class PlacedShape(Protocol):
-    """The fields of an obstacle."""
-
-    @property
-    def id(self) -> str:
-        """Its name."""
-
-    @property
-    def shape(self) -> Shape:
-        """Its solid."""
-
-    @property
-    def T_world_obstacle(self) -> Array:
-        """Its pose, shape (4, 4)."""
-
-    @property
-    def margin(self) -> float:
-        """Distance to be kept from it [m]."""
-
-    @property
-    def frame(self) -> str | None:
-        """Its frame; None for the root frame."""
-
-
-def obstacle_content(obstacle: PlacedShape) -> bytes:
-    """All that an obstacle consists of, field by field."""
-    parts = [f"{obstacle.id}\0".encode(), *_shape_content(obstacle.shape)]
-    parts += [obstacle.T_world_obstacle.tobytes(), _FLOAT.pack(obstacle.margin)]
-    if obstacle.frame is not None:
-        parts.append(f"frame\0{obstacle.frame}\0".encode())
-    return b"".join(parts)
 
 
 def _shape_content(shape: Shape) -> list[bytes]:
@@ -171,7 +137,11 @@ class Obstacle:
         """All that tells it from other obstacles, as hashes of scenes have it."""
         if self._content is not None:
             return self._content
-        content = obstacle_content(self)
+        parts = [f"{self.id}\0".encode(), *_shape_content(self.shape)]
+        parts += [self.T_world_obstacle.tobytes(), _FLOAT.pack(self.margin)]
+        if self.frame is not None:
+            parts.append(f"frame\0{self.frame}\0".encode())
+        content = b"".join(parts)
         if self.is_primitive:  # of meshes it is as large as they are
             object.__setattr__(self, "_content", content)
         return content
@@ -397,21 +367,20 @@ class Scene:
     def primitives(self) -> Primitives:
         """Obstacles that are primitives, in their order."""
         if self._primitives is None:
-            object.__setattr__(self, "_primitives", primitives_of(self.obstacles))
+            object.__setattr__(self, "_primitives", _primitives_of(self.obstacles))
         assert self._primitives is not None
         return self._primitives
 
     def _pack(self) -> Packed:
         # Primitives together, and other solids: a call for each of many small ones costs the most.
         blocks, primitive = list[PieceArrays](), 0
-        count = len(self.primitives.kinds)
-        if count and count == len(self.obstacles):
-            blocks, primitive = [primitive_pieces(self.primitives)], count
-        for way, run in groupby(self.obstacles[primitive:], way_of_packing):
-            if way == AS_PRIMITIVES:
+        for (is_primitive, is_cloud), run in groupby(
+            self.obstacles, lambda o: (o.is_primitive, o.is_cloud)
+        ):
+            if is_primitive:
                 first, primitive = primitive, primitive + sum(1 for _ in run)
                 blocks.append(primitive_pieces(self.primitives.part(first, primitive)))
-            elif way == AS_BALLS:
+            elif is_cloud:
                 blocks += [obstacle.balls() for obstacle in run]
             else:
                 blocks.append(PieceArrays.pack([p for o in run for p in o.pieces()]))
@@ -431,14 +400,7 @@ class Scene:
         return self.obstacles[owner].piece(k - int(np.searchsorted(owners, owner)))
 
 
-def way_of_packing(obstacle: Obstacle) -> int:
-    """How an obstacle is packed: with its neighbours that are packed alike."""
-    if obstacle.is_primitive:
-        return AS_PRIMITIVES
-    return AS_BALLS if obstacle.is_cloud else AS_PIECES
-
-
-def primitives_of(obstacles: Iterable[Obstacle]) -> Primitives:
+def _primitives_of(obstacles: Iterable[Obstacle]) -> Primitives:
     """Primitives among some obstacles, in their order."""
     chosen = [obstacle for obstacle in obstacles if obstacle.shape.primitive is not None]
     listed = [obstacle.shape.primitive for obstacle in chosen]

@@ -270,7 +270,7 @@ def _self_pairs(
             if meets != 0 and model.grid_axes[s, 0, 2] > 0.0:
                 meets = beyond_grid(model, lanes, s, apart + ROUNDING_ERROR, meets)
             if meets != 0:
-                blocked |= _ask_self_each(model, work, s, apart, meets, vital)
+                blocked |= _ask_each(model, work, -1 - i, j, apart, meets, vital)
                 if blocked & vital != 0:
                     return blocked
     return blocked
@@ -281,33 +281,22 @@ def _ask_each(
     model: ModelArrays, work: Workspace, k: int, i: int, apart: float, open_lanes: int,
     vital: int,
 ) -> int:  # fmt: skip
-    """Lanes of those open where piece i of the robot meets piece k of the scene, by exact tests."""
-    asked, blocked = on_stack(1).view(np.int64), 0
+    """Lanes of those open where piece i of the robot meets another, by exact tests.
+
+    The other is piece k of the scene, or where that is below 0 piece -1 - k of the robot.
+    """
+    asked, blocked, other = on_stack(1).view(np.int64), 0, k
+    rows = model.scene
+    if k < 0:
+        other, rows = -1 - k, work.placed
     for number in range(LANES):
         if open_lanes >> number & 1:
             work.stamps[-1] += 1
             _write_frame(work, model.joints[i], number)
-            verdict = exact_verdict(model, work, model.scene, k, i, apart, asked, 0)
-            blocked |= int(verdict != FREE) << number
-            if blocked & vital != 0:
-                return blocked
-    return blocked
-
-
-@kernel(allocates=False)
-def _ask_self_each(
-    model: ModelArrays, work: Workspace, s: int, apart: float, open_lanes: int, vital: int
-) -> int:
-    """Lanes of those open where self-collision pair s meets, by exact tests."""
-    asked, blocked = on_stack(1).view(np.int64), 0
-    i, j = model.self_pairs[s, 0], model.self_pairs[s, 1]
-    for number in range(LANES):
-        if open_lanes >> number & 1:
-            work.stamps[-1] += 1
-            _write_frame(work, model.joints[i], number)
-            _write_frame(work, model.joints[j], number)
-            place_row(work.placed, i, model.robot, work.frames, model.joints[i])
-            verdict = exact_verdict(model, work, work.placed, i, j, apart, asked, 0)
+            if k < 0:
+                _write_frame(work, model.joints[other], number)
+                place_row(work.placed, other, model.robot, work.frames, model.joints[other])
+            verdict = exact_verdict(model, work, rows, other, i, apart, asked, 0)
             blocked |= int(verdict != FREE) << number
             if blocked & vital != 0:
                 return blocked
