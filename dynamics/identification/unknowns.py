@@ -16,10 +16,9 @@ from dynamics.inverse import inverse_dynamics
 from dynamics.model.body import SMOOTH_SPEED, massless_joints
 from dynamics.parameters.base_parameters import (
     BaseParameters,
-    combination_text,
     elimination_order,
+    found_base,
     random_motions,
-    regroup,
 )
 from dynamics.parameters.regressor import (
     BODY_PARAMETERS,
@@ -85,13 +84,7 @@ class Unknowns:
             order = elimination_order(self.chain.n, names)
         else:
             order = list(range(len(names)))
-        columns, combination = regroup(R, order)
-        text = tuple(
-            combination_text(row, names, k) for row, k in zip(combination, columns, strict=True)
-        )
-        known = combination @ self.known()
-        base = BaseParameters(np.array(columns, dtype=np.int64), combination, known, text, names)
-        object.__setattr__(self, "base", base)
+        object.__setattr__(self, "base", found_base(R, order, names, self.known()))
 
     @property
     def bodies(self) -> int:

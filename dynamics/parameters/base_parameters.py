@@ -136,13 +136,25 @@ def base_parameters(
     W = np.asarray(np.linalg.qr(Y.reshape(-1, Y.shape[-1]), mode="r"))
     names = parameter_names(chain, motors=motors)
     order = [i for i in elimination_order(chain.n, names) if not known_zeros or Theta[i] != 0.0]
+    return found_base(W, order, names, Theta)
+
+
+def found_base(
+    W: Array, order: Sequence[int], names: tuple[str, ...], Theta: Array
+) -> BaseParameters:
+    """The base parameters of stacked regressors.
+
+    Args:
+        W: Stacked regressors (r, p), or the triangle of their QR decomposition.
+        order: Columns in the order in which they are looked at.
+        names: Names of the p parameters.
+        Theta: Their values, shape (p,).
+    """
     columns, combination = regroup(W, order)
-    text = tuple(
-        combination_text(row, names, k) for row, k in zip(combination, columns, strict=True)
-    )
-    return BaseParameters(
-        np.array(columns, dtype=np.int64), combination, combination @ Theta, text, names
-    )
+    rows = zip(combination, columns, strict=True)
+    text = tuple(combination_text(row, names, k) for row, k in rows)
+    chosen = np.array(columns, dtype=np.int64)
+    return BaseParameters(chosen, combination, combination @ Theta, text, names)
 
 
 def random_motions(chain: Chain) -> tuple[Array, Array, Array]:

@@ -33,6 +33,7 @@ from kinematics.ik.numeric.numeric import (
     POSITION,
     POSITION_TOLERANCE,
     Axis,
+    check_axes,
 )
 from kinematics.ik.solution import IkSolution
 from kinematics.jacobian import analytic_zyz, pose_and_jacobian
@@ -105,12 +106,7 @@ class GradientOptions:
             )
         if self.steps is not None and self.steps < 1:
             raise InvalidOption(f"steps must be 1 at least, got {self.steps}")
-        unknown = [axis for axis in self.axes if axis not in AXES]
-        if unknown or not self.axes:
-            raise InvalidOption(
-                f"axes must be some of {', '.join(AXES)}, got {list(self.axes)}",
-                hint='Positions alone are ["x", "y", "z"].',
-            )
+        check_axes(self.axes)
         if self.coordinates == "zyz" and 0 < len(set(self.axes) & set(AXES[3:])) < 3:
             raise InvalidOption(
                 "zyz angles count together or not at all",

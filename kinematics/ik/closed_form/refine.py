@@ -258,35 +258,18 @@ def refine_kernel(
 def fold_kernel(plan: Array, T: Frame, value: float) -> Frame:
     """The pose the closed form is asked for: without the locked joint, inverted if it runs back."""
     held = int(plan[HEADER, HELD])
-    if held == 0:
-        # (A M)^-1 T with A^-1 in the plan: M^-1 A^-1 T.
-        T = product_kernel(compose_kernel(IDENTITY, plan, LOCKED), T)
-        if plan[LOCKED, 0] == 0.0:
-            c, s = math.cos(value), math.sin(value)
-            T = (
-                c * T[0] + s * T[4], c * T[1] + s * T[5], c * T[2] + s * T[6], c * T[3] + s * T[7],
-                c * T[4] - s * T[0], c * T[5] - s * T[1], c * T[6] - s * T[2], c * T[7] - s * T[3],
-                T[8], T[9], T[10], T[11],
-            )  # fmt: skip
+    if held >= 0:
+        c, s, slide = math.cos(value), math.sin(value), 0.0
+        if plan[LOCKED, 0] != 0.0:
+            c, s, slide = 1.0, 0.0, -value
+        # M^-1 of the held joint.
+        back = c, s, 0.0, 0.0, -s, c, 0.0, 0.0, 0.0, 0.0, 1.0, slide
+        if held == 0:
+            # (A M)^-1 T with A^-1 in the plan: M^-1 A^-1 T.
+            T = product_kernel(back, product_kernel(compose_kernel(IDENTITY, plan, LOCKED), T))
         else:
-            T = (
-                T[0], T[1], T[2], T[3], T[4], T[5], T[6], T[7], T[8], T[9], T[10], T[11] - value,
-            )  # fmt: skip
-    elif held > 0:
-        T = compose_kernel(T, plan, LOCKED_TIP)
-        if plan[LOCKED, 0] == 0.0:
-            c, s = math.cos(value), math.sin(value)
-            T = (
-                T[0] * c - T[1] * s, T[1] * c + T[0] * s, T[2], T[3],
-                T[4] * c - T[5] * s, T[5] * c + T[4] * s, T[6], T[7],
-                T[8] * c - T[9] * s, T[9] * c + T[8] * s, T[10], T[11],
-            )  # fmt: skip
-        else:
-            T = (
-                T[0], T[1], T[2], T[3] - value * T[2], T[4], T[5], T[6], T[7] - value * T[6],
-                T[8], T[9], T[10], T[11] - value * T[10],
-            )  # fmt: skip
-        T = compose_kernel(T, plan, LOCKED)
+            T = product_kernel(compose_kernel(T, plan, LOCKED_TIP), back)
+            T = compose_kernel(T, plan, LOCKED)
     if plan[HEADER, REVERSED] != 0.0:
         T = (
             T[0], T[4], T[8], -(T[0] * T[3] + T[4] * T[7] + T[8] * T[11]),

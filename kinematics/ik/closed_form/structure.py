@@ -12,7 +12,7 @@ Kernels read the form as a plan, an array of rows of 14 numbers. A frame in a ro
 ``Chain.model``: one number, then the frame's upper three rows.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal, NamedTuple
 
@@ -211,7 +211,7 @@ def _forms(chain: Chain, T_joint_link: Array, m: int, lock: int | None) -> list[
         form = _two_spheres(frames)
         # One that misses the form has it with its first or its last joint held.
         exact = form is not None and form.miss <= EXACT
-        return [_pack("redundant", False, lock, m, form, home, used)] if form and exact else []
+        return [_pack("redundant", False, m, form, home, used)] if form and exact else []
     forms = []
     for reverse in (False, True):
         order = used[::-1] if reverse else used
@@ -220,8 +220,8 @@ def _forms(chain: Chain, T_joint_link: Array, m: int, lock: int | None) -> list[
         for kind in KINDS[:2]:
             form = _wrist(lines) if kind == "spherical" else _parallels(lines)
             if form is not None:
-                item = _pack(kind, reverse, lock, m, form, end, order)
-                forms.append(_with_held_joint(item, chain, T_joint_link))
+                item = _pack(kind, reverse, m, form, end, order)
+                forms.append(item if lock is None else _held(item, lock, chain, T_joint_link))
     return forms
 
 
@@ -303,7 +303,6 @@ def _angle(A: Array, B: Array) -> float:
 def _pack(
     kind: Kind,
     reverse: bool,
-    lock: int | None,
     m: int,
     form: _Form,
     home: Array,
@@ -313,7 +312,7 @@ def _pack(
     k = len(order)
     header = plan[HEADER]
     header[KIND], header[REVERSED] = _NUMBERS[kind], float(reverse)
-    header[HELD] = -1.0 if lock is None else lock
+    header[HELD] = -1.0
     header[CHAIN_JOINTS], header[GENERAL] = m, 0.0 if form.special else 1.0
     header[MISS] = form.miss
     before = np.eye(4)
@@ -332,18 +331,16 @@ def _pack(
     if kind == "three_parallel":
         turn = offsets[2][:3, :3] @ offsets[3][:3, :3]
         header[TURN_COSINE], header[TURN_SINE] = turn[0, 0], turn[1, 0]
-    return Structure(kind, reverse, lock, m, form.miss, frozen(plan))
+    return Structure(kind, reverse, None, m, form.miss, frozen(plan))
 
 
-def _with_held_joint(form: Structure, chain: Chain, T_joint_link: Array) -> Structure:
+def _held(form: Structure, lock: int, chain: Chain, T_joint_link: Array) -> Structure:
     """The form with the held joint and the tip behind it in its plan."""
-    if form.locked is None:
-        return form
     plan = np.array(form.plan)
-    plan[LOCKED, 0] = chain.joint_types[form.locked]
-    plan[LOCKED, 1:13] = inverse(chain.offsets[form.locked])[:3].flat
+    plan[HEADER, HELD], plan[LOCKED, 0] = lock, chain.joint_types[lock]
+    plan[LOCKED, 1:13] = inverse(chain.offsets[lock])[:3].flat
     plan[LOCKED_TIP, 1:13] = inverse(T_joint_link)[:3].flat
-    return Structure(form.kind, form.reverse, form.locked, form.joints, form.miss, frozen(plan))
+    return replace(form, locked=lock, plan=frozen(plan))
 
 
 def classify_wrist(chain: Chain) -> Wrist:

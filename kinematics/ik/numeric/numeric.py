@@ -261,14 +261,22 @@ def _numbers(values: ArrayLike, name: str) -> Array:
 @lru_cache(maxsize=64)
 def _axis_weights(axes: tuple[Axis, ...]) -> Array:
     """1 for each row of the error that counts, else 0, and whether some do not, shape (7,)."""
-    unknown = [axis for axis in axes if axis not in AXES]
-    if unknown or not axes:
-        raise InvalidOption(
-            f"axes must be some of {', '.join(AXES)}, got {list(axes)}",
-            hint="They are those of the target's frame; leave out what may be free.",
-        )
+    check_axes(axes)
     rows = [float(axis in axes) for axis in AXES]
     return frozen([*rows, float(min(rows) == 0.0)])
+
+
+def check_axes(axes: Collection[str]) -> None:
+    """Refuse what are no axes of a target.
+
+    Raises:
+        InvalidOption: An axis is unknown, or there is none.
+    """
+    if not axes or not set(axes) <= set(AXES):
+        raise InvalidOption(
+            f"axes must be some of {', '.join(AXES)}, got {list(axes)}",
+            hint='Those of the target\'s frame, without what may be free: ["x", "y", "z"], say.',
+        )
 
 
 @cache
