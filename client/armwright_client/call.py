@@ -319,6 +319,32 @@ class AsyncPending(Generic[A]):
         return await self._sender.send(cancel_call(self.id))
 
 
+def create_call(
+    where: str,
+    read: Callable[[bytes], A],
+    body: Body | RobotArchive,
+    key: str | None = None,
+    deadline: float | None = None,
+) -> Call[A]:
+    """The request that makes something new, which is sent again only where it has a key.
+
+    Args:
+        where: Path of the list that it joins.
+        read: Reads the answer's body.
+        body: What is made.
+        key: Key for the header Idempotency-Key.
+        deadline: How long the service may take [s]; its default if None.
+    """
+    return Call("POST", where, read, body, key=key, deadline=deadline, repeatable=False)
+
+
+def replace_call(where: str, read: Callable[[bytes], A], body: Body) -> Call[A]:
+    """The request that stores a document at a path, which names it in place of its own name."""
+    document = body.model_copy(update={"name": None})
+    document.model_fields_set.discard("name")
+    return Call("PUT", where, read, document)
+
+
 def job_call(job: str) -> Call[Job]:
     """The request for where a job stands."""
     return Call("GET", path("jobs", job), Job.read)

@@ -11,10 +11,12 @@ from armwright_client.call import (
     EventEndpoint,
     JobEndpoint,
     cancel_call,
+    create_call,
     events_call,
     job_call,
     path,
     read_nothing,
+    replace_call,
 )
 from armwright_client.job import Job, JobList
 from armwright_client.options.plan_options import (
@@ -108,14 +110,7 @@ class SceneEndpoints:
     @Endpoint
     def create(self, scene: Scene, *, idempotency_key: str | None = None) -> Call[SceneSummary]:
         """Store a scene under its name, which must be free."""
-        return Call(
-            "POST",
-            path("scenes"),
-            SceneSummary.read,
-            scene,
-            key=idempotency_key,
-            repeatable=False,
-        )
+        return create_call(path("scenes"), SceneSummary.read, scene, idempotency_key)
 
     @Endpoint
     def get(self, name: str) -> Call[Scene]:
@@ -125,9 +120,7 @@ class SceneEndpoints:
     @Endpoint
     def replace(self, name: str, scene: Scene) -> Call[SceneSummary]:
         """Store a scene under a name, whether there is one or not."""
-        body = scene.model_copy(update={"name": None})
-        body.model_fields_set.discard("name")
-        return Call("PUT", path("scenes", name), SceneSummary.read, body)
+        return replace_call(path("scenes", name), SceneSummary.read, scene)
 
     @Endpoint
     def delete(self, name: str) -> Call[None]:
@@ -155,14 +148,7 @@ class ToolEndpoints:
     @Endpoint
     def create(self, tool: Tool, *, idempotency_key: str | None = None) -> Call[ToolSummary]:
         """Store a tool under its name, which must be free."""
-        return Call(
-            "POST",
-            path("tools"),
-            ToolSummary.read,
-            tool,
-            key=idempotency_key,
-            repeatable=False,
-        )
+        return create_call(path("tools"), ToolSummary.read, tool, idempotency_key)
 
     @Endpoint
     def get(self, name: str) -> Call[NamedTool]:
@@ -172,9 +158,7 @@ class ToolEndpoints:
     @Endpoint
     def replace(self, name: str, tool: Tool) -> Call[ToolSummary]:
         """Store a tool under a name, whether there is one or not."""
-        body = tool.model_copy(update={"name": None})
-        body.model_fields_set.discard("name")
-        return Call("PUT", path("tools", name), ToolSummary.read, body)
+        return replace_call(path("tools", name), ToolSummary.read, tool)
 
     @Endpoint
     def delete(self, name: str) -> Call[None]:
@@ -250,7 +234,7 @@ class PlanEndpoints:
     @Endpoint
     def import_bundle(self, bundle: Bundle) -> Call[KeptPlanSummary]:
         """Keep the plan of a bundle of another installation."""
-        return Call("POST", path("plans"), KeptPlanSummary.read, bundle, repeatable=False)
+        return create_call(path("plans"), KeptPlanSummary.read, bundle)
 
     @Endpoint
     def view(self, plan: str, *, tree: bool = False) -> Call[bytes]:
@@ -359,14 +343,7 @@ class ServiceEndpoints:
         body = BatchRequest.of(
             problems=[as_part(one) for one in problems], robot=robot, start=begin, **options
         )
-        return Call(
-            "POST",
-            path("plan", "batch"),
-            BatchAnswer.read,
-            body,
-            key=idempotency_key,
-            repeatable=False,
-        )
+        return create_call(path("plan", "batch"), BatchAnswer.read, body, idempotency_key)
 
     @Endpoint
     def plan_task(

@@ -24,6 +24,7 @@ from armwright_client.answers import (
 from armwright_client.call import (
     Call,
     Endpoint,
+    create_call,
     path,
     read_nothing,
     read_text,
@@ -120,15 +121,7 @@ class RobotEndpoints:
         self, robot: RobotUpload | RobotArchive, *, idempotency_key: str | None = None
     ) -> Call[Robot]:
         """Store a robot under a name that is free, and give the model made of it."""
-        return Call(
-            "POST",
-            path("robots"),
-            Robot.read,
-            robot,
-            key=idempotency_key,
-            deadline=_STORE_TIMEOUT,
-            repeatable=False,
-        )
+        return create_call(path("robots"), Robot.read, robot, idempotency_key, _STORE_TIMEOUT)
 
     @Endpoint
     def get(self, name: str) -> Call[Robot]:
