@@ -27,7 +27,7 @@ _AROUND, _SUBDIVISIONS = 48, 3
 _WIDE = 100.0
 #: Clouds of more points would take the time of a plan each.
 _MOST_POINTS = 200
-_FORMATS = ("stl", "obj", "ply")
+_FORMATS = ("stl", "obj", "ply", "dae")
 
 
 class Unread(Exception):
@@ -235,7 +235,12 @@ def _file(uri: str, files: Mapping[str, str]) -> trimesh.Trimesh:
     kind = uri.rsplit(".", 1)[-1].lower()
     if len(found) != 1 or kind not in _FORMATS:
         raise Unread(f"the mesh {uri}")
-    return _loaded(base64.b64decode(files[found[0]]), kind)
+    content = base64.b64decode(files[found[0]])
+    mesh = _loaded(content, kind)
+    if kind == "dae":  # in its own unit and axes
+        unit = ElementTree.fromstring(content).find("./{*}asset/{*}unit")
+        mesh.apply_scale(1.0 if unit is None else float(unit.attrib.get("meter", 1.0)))
+    return mesh
 
 
 def _loaded(content: bytes, kind: str) -> trimesh.Trimesh:

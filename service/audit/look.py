@@ -5,7 +5,7 @@ corner of a solid as it was sent lies within the pieces that were proved free of
 distance that FCL finds between the triangles is below what the proof has for it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -84,20 +84,23 @@ class _Placed(NamedTuple):
     T: Array
 
 
-def look(cell: Cell, motion: Motion, seed: int) -> list[dict[str, Any]]:
+def look(
+    cell: Cell, motion: Motion, seed: int, *, are_links_known: bool = False
+) -> list[dict[str, Any]]:
     """Disagreements on a certified motion, none where all is well.
 
     Args:
         cell: The robot and its surroundings.
         motion: The motion.
         seed: Seed of the instants that are drawn.
+        are_links_known: Whether the solids of the robot's links were looked at before.
     """
     checker = Checker.of(cell.robot, cell.scene, cell.margin)
     times = np.linspace(0.0, motion.duration, _SCANNED)
     states = np.array([motion.at(time) for time in times])
     _, tightest, _ = checker.closest(states, np.inf)
     drawn = np.random.default_rng(seed).uniform(0.0, motion.duration, _DRAWN)
-    faults = _solids(cell)
+    faults = _solids(cell, () if are_links_known else cell.sent.parts)
     for time in (times[max(tightest, 0)], *drawn):
         faults += _at(cell, checker, motion.joints, motion.at(float(time)), float(time))
     return faults
@@ -167,18 +170,18 @@ def _distances(
     return found
 
 
-def _solids(cell: Cell) -> list[dict[str, Any]]:
-    """Bodies whose corners lie outside of the pieces that stand for them."""
+def _solids(cell: Cell, links: Iterable[str]) -> list[dict[str, Any]]:
+    """Bodies, of the robot's links these, whose corners lie outside of their pieces."""
     chain = cell.robot.chain
     proved: dict[str, list[Piece]] = {}
     for name, piece in zip(cell.robot.links, cell.robot.pieces, strict=True):
         proved.setdefault(name, []).append(piece)
     faults = []
-    for name, parts in cell.sent.parts.items():
+    for name in links:
         if name not in chain.index or (name not in proved and name in cell.robot.unseen):
             continue
         T = chain.link(name).T_joint_link
-        faults += _outside(name, parts, T, proved.get(name, []))
+        faults += _outside(name, cell.sent.parts[name], T, proved.get(name, []))
     for name, (link, parts) in cell.held.items():
         faults += _outside(name, parts, chain.link(link).T_joint_link, proved.get(name, []))
     for obstacle in cell.scene.obstacles:

@@ -99,6 +99,7 @@ def _task_faults(
     for item in held.values():
         item.setdefault("shape", items.get(item["id"], {}).get("shape"))
     faults: list[dict[str, Any]] = []
+    looked: dict[str, float] | None = None  # fingers that the links were looked at with
     for stage in answer["stages"]:
         motion, certificate, after = (stage[k] for k in ("trajectory", "certificate", "after"))
         moves = _motion(motion)
@@ -130,7 +131,8 @@ def _task_faults(
             _, _, around = proof_question(robot, None, body)
             own = {"frame": None, "obstacles": asked["scene"]["obstacles"]}
             cell = _cell(asked, sent, own, around, certificate, moves, asked["margin"])
-            found = look(cell, moves, stage["index"])
+            found = look(cell, moves, stage["index"], are_links_known=looked == fingers)
+            looked = dict(fingers)
             faults += [{**fault, "stage": stage["index"]} for fault in found]
         fingers |= after["fingers"]
     return faults

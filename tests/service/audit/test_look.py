@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import coal
 import numpy as np
 import pytest
 
@@ -19,7 +20,7 @@ from obstacles.collision.checker import Checker
 from obstacles.convex.piece import Piece, PieceKind
 from obstacles.robots.robot_geometry import RobotGeometry
 from planning.values.deadline import Deadline
-from service.audit.bodies import Unread, shape_parts
+from service.audit.bodies import Unread, read_robot, shape_parts
 from service.endpoints.plan.task import plan
 from service.endpoints.plans.audit import audit
 from service.endpoints.robots.task import prepare_robot
@@ -56,13 +57,17 @@ def table_row(
 TABLE = {"convention": "standard", "rows": [table_row(*row) for row in ROWS]}
 
 
+def data(end: str) -> Path:
+    """A file of example-robot-data."""
+    files = importlib.metadata.files("example-robot-data") or []
+    return Path(str(next(file.locate() for file in files if file.as_posix().endswith(end))))
+
+
 def ur5_document() -> dict[str, Any]:
     """The UR5 of example-robot-data with its collision meshes."""
-    files = importlib.metadata.files("example-robot-data") or []
 
     def read(end: str) -> bytes:
-        found = next(file.locate() for file in files if file.as_posix().endswith(end))
-        return Path(str(found)).read_bytes()
+        return data(end).read_bytes()
 
     text = read("ur_description/urdf/ur5_robot.urdf").decode()
     start = "package://example-robot-data/robots/"
@@ -310,6 +315,35 @@ def test_an_object_that_is_taken_up_elsewhere_is_seen(
             item["pose"]["position"][0] += 5e-3
     found = look_at_task(arms, asked, wrong)
     assert "object" in {fault["kind"] for fault in found}
+
+
+def test_links_are_looked_at_once_while_fingers_stay(
+    arms: dict[str, tuple[Reference, bytes | None]],
+    task_answer: tuple[Any, Any],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A lost piece is seen as often as fingers change, not in each stage."""
+    honest = worker_cache.robot(arms["panda"][0])
+    wrong = PreparedRobot.of(without_a_piece(honest.geometry), honest.answer)
+    monkeypatch.setattr(worker_cache, "robot", lambda reference: wrong)
+    found = look_at_task(arms, *task_answer)
+    lost = [fault["stage"] for fault in found if fault["kind"] == "solid"]
+    assert 1 <= len(lost) <= 3
+    assert lost[0] == 0
+
+
+@pytest.mark.parametrize("file", ["forearm.dae", "wrist1.dae"])
+def test_collada_meshes_are_read_in_their_unit(file: str) -> None:
+    """As assimp reads them."""
+    path = data(f"ur_description/meshes/ur5/visual/{file}")
+    text = f"""<robot name="r"><link name="a"><collision><geometry><mesh filename="package://m/{file}"/>
+</geometry></collision></link></robot>"""
+    meshes = {f"m/{file}": base64.b64encode(path.read_bytes()).decode()}
+    read = read_robot({"urdf": text, "meshes": meshes})
+    own = read.parts["a"][0].vertices
+    theirs = np.array(coal.MeshLoader().load(str(path), np.ones(3)).vertices())
+    np.testing.assert_allclose(own.min(axis=0), theirs.min(axis=0), atol=1e-6)
+    np.testing.assert_allclose(own.max(axis=0), theirs.max(axis=0), atol=1e-6)
 
 
 def test_a_cloud_without_what_is_near_an_object_is_not_read() -> None:
