@@ -132,7 +132,7 @@ def _refusal(function: str, name: str, value: object, kinds: tuple[type, ...]) -
     )
 
 
-__all__ = ["Array", "Indices", "as_numbers", "frozen", "numbers"]
+__all__ = ["Array", "Indices", "as_numbers", "contiguous", "frozen", "numbers"]
 
 
 def frozen(values: ArrayLike) -> Array:
@@ -166,6 +166,18 @@ def as_numbers(values: ArrayLike, name: str) -> Array:
             f"{name} is no array of numbers with rows of equal length: {str(values)[:40]!r}",
             hint="Give numbers, in rows of equal length.",
         ) from None
+
+
+def contiguous(values: ArrayLike, name: str) -> Array:
+    """An array of numbers side by side in memory, as kernels read it.
+
+    Raises:
+        InvalidNumbers: The values are no numbers, or rows of different lengths.
+    """
+    try:
+        return np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return as_numbers(values, name)  # which tells what is wrong
 
 
 def numbers(values: ArrayLike, name: str, shape: tuple[int, ...] | None = None) -> Array:

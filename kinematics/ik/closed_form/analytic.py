@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import direct
-from kinematics.arrays import Array, as_numbers, frozen
+from kinematics.arrays import Array, contiguous, frozen
 from kinematics.errors import InvalidOption, InvalidPose, NotAvailable
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
@@ -169,14 +169,14 @@ def branches(
         InvalidPose: The target is not finite or has another shape.
         InvalidRobotState: Seeds of the wrong length or not finite.
     """
-    form, arm = _prepared(chain, link)
+    direct_branches, form, arm, near = _prepared(chain, link)
     many = _ALL if enough is None else enough
-    seeds = middle(chain) if seed_joints is None else _numbers(seed_joints, "seed_joints")
-    T = _numbers(target, "the target")
+    seeds = near if seed_joints is None else contiguous(seed_joints, "seed_joints")
+    T = contiguous(target, "the target")
     values = _OF_SEED if parameters is None else _parameters(parameters)
     if T.shape == _POSE and seeds.ndim == 1 and values.ndim == 1:
         table = np.empty((_ROWS * values.shape[0], chain.n + MORE))
-        count = _direct_branches()(arm, T, seeds, values, tolerance, many, table)
+        count = direct_branches(arm, T, seeds, values, tolerance, many, table)
         if count >= 0:
             return Branches(form, chain.n, table[:count])
     chain.configuration(seeds, "seed_joints")
@@ -202,15 +202,12 @@ def branches(
 
 
 @lru_cache(maxsize=256)
-def _prepared(chain: Chain, link: str | None) -> tuple[Structure, Arm]:
-    """The form and the arrays of a chain up to a link."""
+def _prepared(chain: Chain, link: str | None) -> tuple[Any, Structure, Arm, Array]:
+    """The kernel, the form and the arrays of a chain up to a link, and the middle of its limits."""
     form = closed_form(chain, link)
     number = int(chain.model[0, 1]) if link is None else link_number(chain, link)
-    return form, Arm(form.plan, chain.model, number, chain.limits.lower, chain.limits.upper)
-
-
-def _numbers(values: ArrayLike, name: str) -> Array:
-    return np.ascontiguousarray(as_numbers(values, name))
+    arm = Arm(form.plan, chain.model, number, chain.limits.lower, chain.limits.upper)
+    return _direct_branches(), form, arm, middle(chain)
 
 
 @lru_cache(maxsize=256)
@@ -221,7 +218,7 @@ def middle(chain: Chain) -> Array:
 
 
 def _parameters(parameters: ArrayLike) -> Array:
-    values = np.atleast_1d(_numbers(parameters, "parameters"))
+    values = np.atleast_1d(contiguous(parameters, "parameters"))
     if values.ndim > 2 or not values.size or not np.isfinite(values).all():
         raise InvalidOption("parameters must be finite numbers, one at least")
     return values

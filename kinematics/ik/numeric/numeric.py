@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import direct
-from kinematics.arrays import Array, as_numbers, frozen
+from kinematics.arrays import Array, contiguous, frozen
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
@@ -146,7 +146,7 @@ def solve_many(
         InvalidPose: A target is not a finite 4x4 matrix.
         InvalidOption: ``seed_joints`` has neither one row nor as many as there are poses.
     """
-    T = _numbers(targets, "the targets")
+    T = contiguous(targets, "the targets")
     if T.ndim != 3 or T.shape[1:] != _POSE or not np.isfinite(T).all():
         raise InvalidPose("the targets must be finite 4x4 transforms, shape (m, 4, 4)")
     how = options or _default()
@@ -197,10 +197,10 @@ def solve(
     """
     search = _direct_search()
     space, middle = _prepared(chain, link)
-    T = _numbers(target, "the target")
+    T = contiguous(target, "the target")
     if T.shape != _POSE:
         raise InvalidPose("the target must be a finite 4x4 transform")
-    begin = middle if seed_joints is None else _numbers(seed_joints, "seed_joints")
+    begin = middle if seed_joints is None else contiguous(seed_joints, "seed_joints")
     if begin.ndim != 1:
         raise_start(chain, begin)
     how = options or _default()
@@ -252,10 +252,6 @@ def _prepared(chain: Chain, link: str | None) -> tuple[SearchSpace, Array]:
     bounds = np.array([chain.limits.lower, chain.limits.upper, low, high])
     middle = frozen(0.5 * (low + high))
     return SearchSpace(chain.model, number, frozen(bounds), frozen(table), weight), middle
-
-
-def _numbers(values: ArrayLike, name: str) -> Array:
-    return np.ascontiguousarray(as_numbers(values, name))
 
 
 @lru_cache(maxsize=64)
