@@ -1,6 +1,6 @@
-"""Local search over order and configurations: shifts of segments, reversals, short layers.
+"""Local search over order and configurations: shifts of stops, reversals, short layers.
 
-Moves are those of Or and of 2-opt between near stops; a stop that is moved alone takes the
+Moves are those of 2-opt and of single stops between near ones; a stop that is moved takes the
 configuration that suits its new place, and the stops around a move choose theirs anew by dynamic
 programming. Kicks that swap two neighbouring blocks lead out of local optima.
 
@@ -357,104 +357,55 @@ def enqueue_around(work: SearchWork, state: TourState, position: int) -> None:
 
 
 @kernel(allocates=False)
-def shift_gain(
-    network: Network, state: TourState, low: int, high: int, left: int, backwards: bool
-) -> tuple[float, int]:
-    """Time saved by moving a segment, and the configuration that a single stop takes then.
+def shift_gain(network: Network, state: TourState, place: int, left: int) -> tuple[float, int]:
+    """Time saved by putting the stop at a position behind that at ``left``.
 
-    Args:
-        network: The stops and times.
-        state: The tour.
-        low: First position of the segment.
-        high: Last position of it.
-        left: Position behind which the segment is put.
-        backwards: Whether the part is visited the other way round.
+    The second number is the configuration that it takes then.
     """
     order, choice, times = state.order, state.choice, network.times
-    before, behind = choice[order[low - 1]], choice[order[high + 1]]
+    stop, now = order[place], choice[order[place]]
+    before, behind = choice[order[place - 1]], choice[order[place + 1]]
     x, y = choice[order[left]], choice[order[left + 1]]
-    head, tail = choice[order[low]], choice[order[high]]
-    gain = np.float64(times[before, head]) + np.float64(times[tail, behind])
+    gain = np.float64(times[before, now]) + np.float64(times[now, behind])
     gain += np.float64(times[x, y]) - np.float64(times[before, behind])
-    if low == high:
-        stop = order[low]
-        best, chosen = np.inf, head
-        for v in range(network.first[stop], network.first[stop + 1]):
-            added = np.float64(times[x, v]) + np.float64(times[v, y])
-            if added < best:
-                best, chosen = added, v
-        return gain - best, chosen
-    if backwards:
-        head, tail = tail, head
-    return gain - np.float64(times[x, head]) - np.float64(times[tail, y]), -1
-
-
-@kernel(allocates=False)
-def may_shift(
-    network: Network, state: TourState, low: int, high: int, left: int, backwards: bool
-) -> bool:
-    """Whether a segment may be put behind the stop at position ``left``."""
-    if backwards and not may_reverse(network, state, low, high):
-        return False
-    if left > high:
-        return may_swap(network, state, low, high + 1, left)
-    return may_swap(network, state, left + 1, low, high)
-
-
-@kernel
-def shift(state: TourState, low: int, high: int, left: int, backwards: bool, block: Indices) -> int:
-    """Put a segment behind the stop at position ``left``; its new first position."""
-    if backwards:
-        reverse(state, low, high)
-    if left > high:
-        swap_blocks(state, low, high + 1, left, block)
-        return left - (high - low)
-    swap_blocks(state, left + 1, low, high, block)
-    return left + 1
+    best, chosen = np.inf, now
+    for v in range(network.first[stop], network.first[stop + 1]):
+        added = np.float64(times[x, v]) + np.float64(times[v, y])
+        if added < best:
+            best, chosen = added, v
+    return gain - best, chosen
 
 
 @kernel(allocates=False)
 def improve_by_shift(network: Network, state: TourState, stop: int, work: SearchWork) -> float:
-    """Make the best move of a segment that begins or ends with a stop; the time saved."""
-    count = state.order.shape[0]
-    place = state.position[stop]
-    best = _GAIN
-    best_low = best_high = best_left = best_choice = -1
-    best_backwards = False
-    # Stops that are moved together.
-    for length in range(1, 4):
-        for side in range(2 if length > 1 else 1):
-            low = place if side == 0 else place - length + 1
-            high = low + length - 1
-            if low < 1 or high > count - 2:
-                continue
-            freed = time_kernel(
-                network, state, state.order[low - 1], state.order[low]
-            ) + time_kernel(network, state, state.order[high], state.order[high + 1])
-            for k in range(network.near.shape[1]):
-                other = network.near[stop, k]
-                if network.least[stop, other] >= freed:
-                    break
-                at = state.position[other]
-                for behind in range(2):
-                    left = at if behind == 0 else at - 1
-                    if left < 0 or left > count - 2 or low - 1 <= left <= high:
-                        continue
-                    backwards = length > 1 and (side == 0) == (behind == 1)
-                    gain, chosen = shift_gain(network, state, low, high, left, backwards)
-                    if gain > best and may_shift(network, state, low, high, left, backwards):
-                        best, best_low, best_high, best_left = gain, low, high, left
-                        best_backwards, best_choice = backwards, chosen
-    if best_low < 0:
+    """Make the best move of a stop by itself; the time saved."""
+    count, place = state.order.shape[0], state.position[stop]
+    if place < 1 or place > count - 2:
         return 0.0
-    enqueue_around(work, state, best_low - 1)
-    enqueue_around(work, state, best_high + 1)
-    enqueue_around(work, state, best_left)
-    if best_choice >= 0:
-        state.choice[stop] = best_choice
-    low = shift(state, best_low, best_high, best_left, best_backwards, work.block)
-    enqueue_around(work, state, low)
-    enqueue_around(work, state, low + best_high - best_low)
+    best, best_left, best_choice = _GAIN, -1, -1
+    freed = time_kernel(network, state, state.order[place - 1], stop)
+    freed += time_kernel(network, state, stop, state.order[place + 1])
+    for k in range(network.near.shape[1]):
+        other = network.near[stop, k]
+        if network.least[stop, other] >= freed:
+            break
+        for left in range(state.position[other] - 1, state.position[other] + 1):
+            if left < 0 or left > count - 2 or place - 1 <= left <= place:
+                continue
+            gain, chosen = shift_gain(network, state, place, left)
+            # As two blocks that change places, one of which is the stop.
+            low, high = min(place, left + 1), max(place, left)
+            middle = place if left < place else place + 1
+            if gain > best and may_swap(network, state, low, middle, high):
+                best, best_left, best_choice = gain, left, chosen
+    if best_left < 0:
+        return 0.0
+    for k in (place - 1, place + 1, best_left):
+        enqueue_around(work, state, k)
+    state.choice[stop] = best_choice
+    low, high = min(place, best_left + 1), max(place, best_left)
+    swap_blocks(state, low, place if best_left < place else place + 1, high, work.block)
+    enqueue_around(work, state, state.position[stop])
     return best
 
 

@@ -255,7 +255,7 @@ class TourSearch:
         """Search and prove until the rounds or the time are over, or nothing gets better."""
         everywhere = range(len(self.stops.goals) + 2)
         # Kicks for each goal before the first legs are planned and in each round.
-        kicks = 30
+        kicks = 60
         self._improve(everywhere, kicks, self._share(_ORDER_SHARE))
         rounds, since, stopped = 0, 0, "finished"
         # Rounds without a shorter tour after which the search ends.
