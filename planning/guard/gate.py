@@ -21,7 +21,7 @@ from planning.guard.proposals import AT_REST, Proposal
 from planning.proof.certificate import Certificate
 from planning.proof.limits.limits import QUANTITIES
 from planning.proof.violation import Violation
-from planning.stops.certificate import StopCertificate, Surroundings
+from planning.stops.certificate import StopCertificate, Surroundings, check_kind
 from planning.stops.family_proof import Worst, prove_family
 from planning.stops.stop_family import StopFamily, braking_motion, state_at
 from planning.timing.jerk.state_to_state import JointState
@@ -135,10 +135,7 @@ class Guard:
         limits: MotionLimits | None = None,
         tracking: float = 0.05,
     ) -> None:
-        if stop not in ("path", "joints", "both"):
-            raise InvalidOption(
-                f"there is no stop of kind {stop!r}", hint='Name "path", "joints" or "both".'
-            )
+        check_kind(stop)
         if stop != "path" and not robot.has_solids:
             raise InvalidOption(
                 f"stops {stop!r} leave the path, and robot {robot.chain.name!r} has no solids",

@@ -115,7 +115,7 @@ def certify_stops(
             compared with anything.
         MissingLimit: The acceleration of a joint has no limit.
     """
-    _check_kind(kind)
+    check_kind(kind)
     braking = around.braking
     along = _along_path(trajectory, certificate, braking)
     if kind == "path" or (not along.proved and (kind == "both" or not certificate.verified)):
@@ -164,10 +164,15 @@ def _along_path(
     return StopCertificate("path", found.proved, worst, found.longest, found.message)
 
 
-def _check_kind(kind: str) -> None:
+def check_kind(kind: str) -> None:
+    """Refuse a kind of stops that there is not.
+
+    Raises:
+        InvalidOption: It is none of "path", "joints" and "both".
+    """
     if kind not in ("path", "joints", "both"):
         raise InvalidOption(
-            f"there are no stops of kind {kind!r}", hint='Name "path", "joints" or "both".'
+            f"there is no stop of kind {kind!r}", hint='Name "path", "joints" or "both".'
         )
 
 

@@ -71,7 +71,8 @@ def _urscript(text: str) -> list[Do]:
     return done
 
 
-def _degrees(numbers: Array) -> Array:
+def single(numbers: Array) -> Array:
+    """Radians of degrees that a controller reads as numbers of single precision."""
     return np.asarray(np.deg2rad(numbers.astype(np.float32).astype(np.float64)))
 
 
@@ -83,7 +84,7 @@ def _rapid(text: str) -> list[Do]:
             zones[found[1]] = 1e-3 * float(found[2])
         elif found := re.match(r"    MoveAbsJ \[\[(.*?)\], .*, (\w+), tool0", line):
             what = "to" if any(one.what == "at" for one in done) else "at"
-            done.append(Do(what, _degrees(_numbers(found[1])), zones[found[2]]))
+            done.append(Do(what, single(_numbers(found[1])), zones[found[2]]))
         elif found := re.match(r"    gripper_to (.*);", line):
             done.append(Do("fingers", value=_numbers(found[1])[:-1]))
         elif found := re.match(r"    (SetDO|SetAO|WaitDI) (\w+?)(\d*), (\S+);", line):
@@ -102,7 +103,7 @@ def _krl(text: str) -> list[Do]:
         elif found := re.match(r"PTP \{(.*)\}( C_PTP)?", line):
             what = "to" if any(one.what == "at" for one in done) else "at"
             q = np.array([float(x.split()[1]) for x in found[1].split(",")])
-            done.append(Do(what, _degrees(q), share if found[2] else 0.0))
+            done.append(Do(what, single(q), share if found[2] else 0.0))
         elif found := re.match(r"gripper_to\((.*)\)", line):
             done.append(Do("fingers", value=_numbers(found[1])[:-1]))
         elif found := re.match(r"\$(AN)?OUT\[(\d+)\] = (\S+)", line):

@@ -27,6 +27,7 @@ from planning.problem import JointGoal, Problem
 from planning.timing.options import Solver, TimingOptions
 from planning.timing.path.simplification import kept_waypoints
 from tests.mimic_joints import mimic_robot
+from tests.planning.exports.interpreters import read, single
 from tests.planning.scenes import builtin, pillar, planned_motion
 
 FORMATS = list(ExportFormat)
@@ -59,37 +60,18 @@ def write(format_: ExportFormat, motion: Trajectory | None = None, **options: ob
     return export(motion or curved(), UR, SCENE, wanted)
 
 
-def lists(text: str, pattern: str) -> Array:
-    """Numbers of every match of a pattern with one group."""
-    return np.array([[float(x) for x in m.split(",")] for m in re.findall(pattern, text)])
-
-
-def single(degrees: Array) -> Array:
-    """Radians of degrees that a controller reads as numbers of single precision."""
-    return np.asarray(np.deg2rad(degrees.astype(np.float32).astype(np.float64)))
-
-
 def points_of(made: Export, format_: ExportFormat) -> tuple[Array | None, list[Array]]:
     """Times and derivatives as parsers that were not written here read them."""
     if format_ == ExportFormat.CSV:
         body = [line for line in made.text.splitlines() if not line.startswith("#")]
         rows = np.array(list(csv.reader(io.StringIO("\n".join(body))))[1:], dtype=float)
         return rows[:, 0], np.split(rows[:, 1:], rows.shape[1] // 6, axis=1)
-    if format_ == ExportFormat.URSCRIPT_SERVOJ:
-        first = lists(made.text, r"q_start = \[(.*?)\]")
-        rows = lists(made.text, r"servoj\(\[(.*?)\]")
+    if format_ in (*PATH_FORMATS, ExportFormat.URSCRIPT_SERVOJ):
+        rows = np.array([one.q for one in read(made.text, format_) if one.q is not None])
         steps = [float(t) for t in re.findall(r", t=(.*?),", made.text)]
-        return np.cumsum([0.0, *steps]), [np.vstack([first, rows])]
-    if format_ == ExportFormat.URSCRIPT_MOVEJ:
-        first, rows = (lists(made.text, p) for p in (r"q_start = \[(.*?)\]", r"movej\(\[(.*?)\]"))
-        return None, [np.vstack([first, rows])]
-    if format_ == ExportFormat.RAPID:
-        return None, [single(lists(made.text, r"MoveAbsJ \[\[(.*?)\], "))]
-    if format_ == ExportFormat.KRL:
-        degrees = [re.findall(r"A\d (\S+?)[,}]", line) for line in made.text.splitlines()]
-        return None, [single(np.array([row for row in degrees if row], dtype=float))]
-    read = json.loads if format_ == ExportFormat.JOINT_TRAJECTORY_JSON else yaml.safe_load
-    message = read(made.text)
+        return np.cumsum([0.0, *steps]) if steps else None, [rows]
+    load = json.loads if format_ == ExportFormat.JOINT_TRAJECTORY_JSON else yaml.safe_load
+    message = load(made.text)
     message = message.get("trajectory", message)
     assert message["joint_names"] == list(UR.chain.joint_names)
     stamps = [p["time_from_start"] for p in message["points"]]
