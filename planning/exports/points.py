@@ -9,7 +9,7 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory.export import NANOSECONDS, nanoseconds, rows_at
 from kinematics.trajectory.trajectory import Trajectory
 from planning.exports.options import ExportFormat, ExportOptions, Rule
-from planning.timing.path.simplification import kept_waypoints
+from planning.timing.path.simplification import fewest_waypoints
 from planning.values.limits import JERK_JUMP
 
 
@@ -61,7 +61,7 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
     times, rule = trajectory.uniform_samples(period), _rule(trajectory, options)
     if rule == Rule.STRAIGHT_LEGS:
         positions = trajectory.sample(times)
-        times = times[kept_waypoints(positions, options.path_tolerance)]
+        times = times[fewest_waypoints(positions, options.path_tolerance, 2.0)[0]]
     elif rule in (Rule.QUINTIC, Rule.CUBIC):
         times = _with_breaks(trajectory, times, period, rule)
     ticks = nanoseconds(times)

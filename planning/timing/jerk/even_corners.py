@@ -222,16 +222,6 @@ def corner_reaches_kernel(waypoints: Array, limits: Array, largest: Array, reach
 
 
 def time_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array) -> ScaledTime:
-    """``pass_even_corners`` with all limits kept to the last bit.
-
-    Returns:
-        The motion, and the factor by which time was stretched for rounding.
-    """
-    motion = pass_even_corners(path, joint_names, limits)
-    return dilate(motion, *limits)._replace(solver="double_s")
-
-
-def pass_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array) -> Trajectory:
     """The rounded polyline run through with bounded jerk, each corner at a constant speed.
 
     Legs take the least time between the speeds of their ends. The motion stops at sharp corners.
@@ -240,15 +230,19 @@ def pass_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array
     Args:
         path: Path of ``blend(..., smooth=True)``.
         joint_names: n names.
-        limits: Limits of velocity (inf where there is none), acceleration and jerk, shape (3, n);
-            rounding may exceed them.
+        limits: Limits of velocity (inf where there is none), acceleration and jerk, shape (3, n).
+
+    Returns:
+        The motion, and the factor by which time was stretched for rounding.
     """
-    return Trajectory(tuple(joint_names), *pieces_kernel(path.coefficients, path.lengths, limits))
+    pieces = pieces_kernel(path.coefficients, path.lengths, limits)
+    motion = Trajectory(tuple(joint_names), *pieces)
+    return dilate(motion, *limits)._replace(solver="double_s")
 
 
 @kernel
 def rounded_pieces_kernel(waypoints: Array, reaches: Array, limits: Array) -> Pieces:
-    """The pieces of ``pass_even_corners`` along ``blend`` of a merged polyline.
+    """The pieces of ``time_even_corners`` along ``blend`` of a merged polyline.
 
     Args:
         waypoints: Shape (k, n), k >= 2.
@@ -261,7 +255,7 @@ def rounded_pieces_kernel(waypoints: Array, reaches: Array, limits: Array) -> Pi
 
 @kernel
 def pieces_kernel(coefficients: Array, lengths: Array, limits: Array) -> Pieces:
-    """The pieces of ``pass_even_corners``.
+    """The pieces of ``time_even_corners``; rounding may exceed the limits.
 
     Args:
         coefficients: Coefficients of the path, cubics, shape (p, n, 4).

@@ -263,16 +263,6 @@ def simplified_polyline(
     return Polyline(corners, merged[kept], left_out, reaches, float(beside[0].max()), rounding)
 
 
-def kept_waypoints(points: Array, within: float) -> Indices:
-    """Indices of waypoints (k, n) whose legs all others are near to, the first and last included.
-
-    Args:
-        points: Shape (k, n) [rad or m].
-        within: Largest distance of a waypoint left out from its leg, Euclidean in joint space.
-    """
-    return _kept(points, within, 2.0)[0]
-
-
 def fewest_waypoints(points: Array, within: float, norm: float = np.inf) -> tuple[Indices, float]:
     """Indices of the fewest waypoints (k, n) whose legs follow the path within a tolerance.
 

@@ -62,7 +62,7 @@ def explain_search(
     places, layers = search.places, graph.layers
     failing = _first_unreached(graph)
     reason = _reason(search, graph, failing)
-    first, last, _ = graph.longest()
+    first, last = graph.longest()
     place = layers[failing]
     before = layers[max(failing - 1, 0)]
     waypoint = int(places.waypoint[place])

@@ -160,10 +160,6 @@ class SeamGraph:
     winds: bool = True
     jump: float = _LAYER_JUMP
 
-    def layer_of(self, node: int) -> int:
-        """Number of the layer of a configuration."""
-        return int(np.searchsorted(self.nodes.firsts, node, side="right")) - 1
-
     def of_layer(self, layer: int) -> NDArray[np.int64]:
         """Numbers of the configurations of a layer."""
         return np.arange(self.nodes.firsts[layer], self.nodes.firsts[layer + 1])
@@ -181,15 +177,15 @@ class SeamGraph:
         self.blocked.append((way[layer - 1], way[layer]))
         return self.blocked[-1]
 
-    def longest(self) -> tuple[int, int, int]:
-        """The layers that the longest way begins and ends at, and the configuration at its end."""
+    def longest(self) -> tuple[int, int]:
+        """The layers that the longest way begins and ends at."""
         candidates = np.flatnonzero(np.isfinite(self.best))
         if not candidates.size:
-            return 0, 0, -1
+            return 0, 0
         layer = np.searchsorted(self.nodes.firsts, candidates, side="right") - 1
         size = layer - self.origin[candidates]
         k = int(np.argmax(size))
-        return int(self.origin[candidates[k]]), int(layer[k]), int(candidates[k])
+        return int(self.origin[candidates[k]]), int(layer[k])
 
 
 class SeamJoints(NamedTuple):

@@ -25,7 +25,7 @@ from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
 from planning.options import Options
 from planning.problem import JointGoal, Problem
 from planning.timing.options import Solver, TimingOptions
-from planning.timing.path.simplification import kept_waypoints
+from planning.timing.path.simplification import fewest_waypoints
 from tests.mimic_joints import mimic_robot
 from tests.planning.exports.interpreters import read, single
 from tests.planning.scenes import builtin, pillar, planned_motion
@@ -416,4 +416,4 @@ def test_no_tolerance_without_a_clearance(clearance: float) -> None:
 
 def test_a_way_back_on_the_same_line_keeps_its_turn() -> None:
     line = np.array([[0.0], [0.4], [1.0], [0.5], [0.0]])
-    assert kept_waypoints(line, 1e-6).tolist() == [0, 2, 4]
+    assert fewest_waypoints(line, 1e-6, 2.0)[0].tolist() == [0, 2, 4]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array, Indices
-from planning.timing.path.simplification import fewest_waypoints, kept_waypoints, leg_stands_kernel
+from planning.timing.path.simplification import fewest_waypoints, leg_stands_kernel
 
 KINDS = ("smooth", "noisy", "repeated", "there and back", "corners", "loop")
 
@@ -113,7 +113,7 @@ def test_jitter_along_a_line_is_left_out_within_half_of_it() -> None:
     # Each of the two is a thousandth from the middle between them.
     assert fewest_waypoints(back, 1.001e-3)[0].tolist() == [0, 3]
     assert len(fewest_waypoints(back, 0.999e-3)[0]) > 2
-    assert kept_waypoints(back, 1.001e-3).tolist() == [0, 3]
+    assert fewest_waypoints(back, 1.001e-3, 2.0)[0].tolist() == [0, 3]
 
 
 @pytest.mark.parametrize("kind", KINDS)
