@@ -54,7 +54,7 @@ class Admission:
             scope: Scope of the request.
 
         Raises:
-            HttpProblemError: OVERLOADED, it would be too late whatever timeout it names.
+            QueueFull: OVERLOADED, it would be too late whatever timeout it names.
         """
         announced = scope[FIELDS].get("content-length", "")
         size = int(announced) if announced.isdecimal() and len(announced) < 20 else 0
