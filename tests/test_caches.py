@@ -13,6 +13,7 @@ BY_NUMBER = {
     "kinematics/ik/closed_form/analytic.py": "a few numbers of a chain",
     "kinematics/ik/numeric/numeric.py": "tables of a chain",
     "kinematics/ik/decoupled.py": "a few numbers of a chain",
+    "tracking/controllers/controller.py": "a law of a few controllers",
     "dynamics/model/body.py": "a row of numbers for each link of a chain",
     "dynamics/parameters/base_parameters.py": "matrices of a chain",
     "planning/search/rrt_connect.py": "a number",

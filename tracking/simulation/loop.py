@@ -200,14 +200,12 @@ DIFFERENCE = 1e-8
 
 
 @kernel(allocates=False)
-def jacobian_kernel(
-    loop: Loop, t: float, x: Array, f: Array, trial: Array, rate: Array, J: Array
-) -> None:
+def jacobian_kernel(loop: Loop, t: float, x: Array, f: Array, work: Array, J: Array) -> None:
     """Write the Jacobian of the derivative f (N,) at x into J (N, N), by differences.
 
-    ``trial`` and ``rate`` (N,) are work arrays.
+    Two rows of ``work`` (., N) are overwritten.
     """
-    N = x.shape[0]
+    N, trial, rate = x.shape[0], work[0], work[1]
     for j in range(N):
         trial[j] = x[j]
     for j in range(N):

@@ -144,7 +144,7 @@ def set_jacobian(loop: Loop, carrier: ErrorCarrier, t: float, x: Array) -> float
     N = x.shape[0]
     base = carrier.vectors[2]
     rate_kernel(loop, t, x, base)
-    jacobian_kernel(loop, t, x, base, carrier.vectors[0], carrier.vectors[1], carrier.J)
+    jacobian_kernel(loop, t, x, base, carrier.vectors, carrier.J)
     speed = 0.0
     for i in range(N):
         row = 0.0

@@ -172,8 +172,7 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
             tried = left if h >= left else (min(h, 0.5 * left))
             if is_stiff:
                 if not has_jacobian:
-                    trial, rate = stages.vectors[0], stages.vectors[1]
-                    jacobian_kernel(loop, t, x, steps.K[0], trial, rate, stages.J)
+                    jacobian_kernel(loop, t, x, steps.K[0], stages.vectors, stages.J)
                     has_jacobian, factored = True, 0.0
                 if factored != tried:
                     if not factor_all(stages, tried):
