@@ -4,7 +4,7 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_client import Client, Scene
+from armwright_client import Client, Goal, Scene
 from integrations.ros2.armwright_bridge.translate import fill_trajectory
 from tests.integrations.test_ros2 import GOAL, HOME, JOINTS, TIP, asked, at_joints, ns, translated
 
@@ -27,7 +27,8 @@ def test_a_request_is_planned_and_its_motion_written(client: httpx.Client) -> No
         max_cartesian_speed=0.6,
     )
     body = translated(request)
-    start, goal, robot = body.pop("start"), body.pop("goal"), body.pop("robot")
+    start, robot = body.pop("start"), body.pop("robot")
+    goal = Goal.model_validate(body.pop("goal"))
     with Client(str(client.base_url)) as service:
         model = service.robots.get(robot)
         assert (model.joint_names, model.tip_link) == (JOINTS, TIP)

@@ -23,7 +23,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from armwright_bridge.translate import ERROR_CODES, Refused, fill_trajectory, plan_request
-from armwright_client import ApiError, Client, Scene, TransportError
+from armwright_client import ApiError, Client, Goal, Scene, TransportError
 
 
 class Bridge(Node):
@@ -96,7 +96,8 @@ class Bridge(Node):
             )
             if self._scene is not None:
                 body["scene"] = Scene(moveit=self._scene)
-            start, goal, robot = body.pop("start"), body.pop("goal"), body.pop("robot")
+            start, robot = body.pop("start"), body.pop("robot")
+            goal = Goal.model_validate(body.pop("goal"))
             plan = self._client.plan(robot, start["joints"], goal, **body)
         except Refused as error:
             return self._failed(response, error.code, str(error))
