@@ -1,8 +1,8 @@
 """The robot in its solids' hulls holds the robot."""
 
 import numpy as np
+import trimesh
 
-from kinematics.arrays import Array
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
@@ -21,17 +21,8 @@ URDF = """<robot name="hook"><link name="base"/><link name="arm">
 def hook() -> bytes:
     """A U of three bars as a binary STL."""
     bars = [((0.0, 0.0), (0.05, 0.4)), ((0.35, 0.0), (0.4, 0.4)), ((0.0, 0.0), (0.4, 0.05))]
-    triangles: list[Array] = []
-    for (x0, y0), (x1, y1) in bars:
-        corners = np.array([[x, y, z] for x in (x0, x1) for y in (y0, y1) for z in (0.0, 0.1)])
-        quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-        for a, b, c, d in quads:
-            triangles += [corners[[a, b, c]], corners[[a, c, d]]]
-    rows = np.zeros(
-        len(triangles), dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("attribute", "<u2")]
-    )
-    rows["v"] = np.array(triangles)
-    return b"\0" * 80 + np.uint32(len(rows)).tobytes() + rows.tobytes()
+    boxes = [trimesh.creation.box(bounds=[[*low, 0.0], [*high, 0.1]]) for low, high in bars]
+    return bytes(trimesh.util.concatenate(boxes).export(file_type="stl"))
 
 
 def robot() -> RobotGeometry:

@@ -47,15 +47,10 @@ class Brackets:
             values.setflags(write=False)
             object.__setattr__(self, name, values)
 
-    @classmethod
-    def of(cls, robot: RobotGeometry) -> "Brackets":
-        """The brackets of a robot, made once for each piece."""
-        return brackets(robot)
-
 
 @bounded_cache(maxsize=64)
 def brackets(robot: RobotGeometry) -> Brackets:
-    """``Brackets.of``, kept by the robot's content."""
+    """The brackets of a robot, made once for each piece and kept by the robot's content."""
     return Brackets(robot, sphere_sets(robot))
 
 

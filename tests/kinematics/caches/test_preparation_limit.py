@@ -16,7 +16,6 @@ from kinematics.caches.preparation_limit import (
     preparation_limit,
 )
 from obstacles.collision.model import brackets as brackets_module
-from obstacles.collision.model.brackets import Brackets
 from obstacles.convex.sphere_set import SphereSet
 from obstacles.distance.piece_set import PieceSet
 from obstacles.meshes.decomposition import convex_pieces
@@ -68,7 +67,7 @@ def test_spheres_are_made_piece_by_piece_until_time_is_up(
     clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot, made = builtin("ur5e"), list[SphereSet]()
-    whole = Brackets.of(robot)
+    whole = brackets_module.brackets(robot)
 
     def keep(piece: object, most: int) -> SphereSet:
         made.append(whole.sets[len(made)])

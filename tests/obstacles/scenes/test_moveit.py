@@ -193,32 +193,19 @@ def test_a_name_with_a_default_may_touch_everything_that_the_robot_has() -> None
 
 @pytest.mark.parametrize(
     ("first", "second", "allowed"),
-    [
-        (True, True, True),
-        (True, False, False),
-        (False, True, False),
-        (False, False, False),
-    ],
+    [(True, True, True), (True, False, False), (False, True, False), (False, False, False)],
 )
 def test_a_default_of_false_decides_over_one_of_true(
     first: bool, second: bool, allowed: bool
 ) -> None:
     # moveit_core/collision_detection: getDefaultEntry of two names is NEVER where either is NEVER.
-    defaults = {"entry_names": [], "entry_values": [], "default_entry_names": ["a", "b"]}
-    text = json.dumps(
-        {
-            "world": {
-                "collision_objects": [
-                    {
-                        "id": name,
-                        "primitives": [{"type": "sphere", "dimensions": [0.1]}],
-                        "primitive_poses": [{"position": [0, 0, 0]}],
-                    }
-                    for name in "ab"
-                ]
-            },
-            "allowed_collision_matrix": {**defaults, "default_entry_values": [first, second]},
-        }
+    balls = ", ".join(
+        f"{{id: {name}, primitives: [{{type: sphere, dimensions: [0.1]}}]}}" for name in "ab"
+    )
+    values = json.dumps([first, second])
+    text = (
+        f"world: {{collision_objects: [{balls}]}}\nallowed_collision_matrix: {{entry_names: [], "
+        f"entry_values: [], default_entry_names: [a, b], default_entry_values: {values}}}"
     )
     placed = place(scene_from_moveit(text), builtin_chain("planar_rr"))
     assert placed.allows("a", "b") is allowed
