@@ -264,10 +264,11 @@ class PathSearch:
     ) -> tuple[FoundPath | None, Attempt]:
         """The first path that a planner finds, if one does, and the last attempt."""
         for planner in self.planners:
-            attempt = self.stages.run(planner.name, partial(planner.plan, query), _describe_attempt)
+            name = planner.name
+            attempt = self.stages.run(name, partial(planner.plan, query), _describe_attempt)
             if attempt.waypoints is not None:
                 path = attempt.waypoints
-                return FoundPath(planner.name, attempt, query.checker, path, levels), attempt
+                return FoundPath(name, attempt, query.checker, path, levels), attempt
         return None, attempt
 
     def _no_path(self, attempt: Attempt, deadline: Deadline) -> Failure:

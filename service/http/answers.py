@@ -10,6 +10,7 @@ from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.scenes.scene import Scene
 from armwright_wire.scenes.tool import WithTool
+from kinematics.robot_names import builtin_names
 from service.http.compute import compute, compute_at_once
 from service.http.state import (
     STORED_TOOL,
@@ -46,7 +47,7 @@ async def _look_up(request: Request, *names: tuple[Kind, str | None]) -> list[Re
     found, repository, unknown = list[Reference | None](), None, False
     for kind, name in names:
         reference = None
-        if kind == "robot" and name is not None and is_built_in(name):
+        if kind == "robot" and name in builtin_names():
             reference = builtin_reference(name, prepared_folder(request))
         elif name is not None:
             repository = repository or repository_of(request)
