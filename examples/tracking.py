@@ -13,6 +13,7 @@ from pathlib import Path
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from armwright_client import Client, Samples, Simulation, Trajectory
@@ -111,6 +112,15 @@ def learn_parameters(client: Client) -> Simulation:
     )  # fmt: skip
 
 
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure, its panels with a grid and without a frame."""
+    for axes in figure.axes:
+        axes.grid(alpha=0.25)
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+
+
 def draw_five(found: dict[str, Simulation], path: Path) -> None:
     """Error and Lyapunov function of all controllers."""
     figure, (top, bottom) = plt.subplots(2, 1, figsize=(7.2, 5.4), sharex=True)
@@ -127,11 +137,7 @@ def draw_five(found: dict[str, Simulation], path: Path) -> None:
     )
     bottom.set(ylabel="V(t)", xlabel="time [s]", ylim=(1e-4, 1e2))
     top.legend(ncols=5, frameon=False, fontsize=7.5, loc="lower left")
-    for axes in (top, bottom):
-        axes.grid(alpha=0.25)
-        axes.spines[["top", "right"]].set_visible(False)
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def draw_parameters(result: Simulation, path: Path) -> None:
@@ -146,10 +152,7 @@ def draw_parameters(result: Simulation, path: Path) -> None:
         axes.axhline(true[k], color=line.get_color(), lw=0.8, ls=":")
     axes.set(xlabel="time [s]", ylabel="estimate", title="adaptive control, exciting reference")
     axes.legend(ncols=3, frameon=False, fontsize=8)
-    axes.grid(alpha=0.25)
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def draw_cart(client: Client, path: Path) -> None:
@@ -182,10 +185,7 @@ def draw_cart(client: Client, path: Path) -> None:
     axes[1].set(xlabel="time [s]", title="error over its first value")
     for panel in axes:
         panel.legend(frameon=False, fontsize=8)
-        panel.grid(alpha=0.25)
-        panel.spines[["top", "right"]].set_visible(False)
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    save(figure, path)
     off = np.abs(np.array(result.tracking_error)[:, 1] / 0.3 - envelope).max()
     print(f"cart_pendulum: the error differs from the placed poles' by {off:.1e} of its start")
 
