@@ -146,61 +146,6 @@ def test_masses_are_in_the_frames_of_the_table() -> None:
     assert not point.inertia.tensor.any()
 
 
-GOOD: dict[str, Any] = {"lower": -1.0, "upper": 1.0}
-
-
-@pytest.mark.parametrize(
-    ("row", "words"),
-    [
-        ({"type": "helical"}, ["'helical'", "revolute"]),
-        ({"a": math.nan}, ["a in", "finite"]),
-        ({"theta": math.inf}, ["theta", "finite"]),
-        ({"upper": math.nan}, ["upper"]),
-        ({"lower": 2.0}, ["lower", "2"]),
-        ({"lower": math.inf, "upper": math.inf}, ["lower", "inf"]),
-        ({"velocity": 0.0}, ["velocity", "positive"]),
-        ({"jerk": math.nan}, ["jerk", "positive"]),
-        ({"mass": -1.0}, ["mass", "negative"]),
-        ({"motor_inertia": math.nan}, ["motor_inertia"]),
-        ({"viscous_friction": -1.0}, ["viscous_friction", "negative"]),
-        ({"center_of_mass": [0, 0, 0]}, ["center_of_mass", "no mass"]),
-        ({"mass": 1.0, "center_of_mass": [0, 0]}, ["center_of_mass", "3"]),
-        ({"mass": 1.0, "center_of_mass": [0, 0, math.nan]}, ["center_of_mass", "finite"]),
-        ({"mass": 1.0, "inertia": [[1, 0], [0, 1]]}, ["inertia", "3 x 3"]),
-        ({"mass": 1.0, "inertia": [[1, 0, 0], [0, 1]]}, ["inertia", "3 x 3"]),
-        ({"mass": 1.0, "inertia": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]}, ["inertia", "symmetric"]),
-        ({"mass": 1.0, "inertia": -np.eye(3)}, ["inertia", "semi-definite"]),
-    ],
-)
-def test_wrong_rows_are_named(row: dict[str, Any], words: list[str]) -> None:
-    kind = row.get("type", "revolute")
-    rest = GOOD | {name: value for name, value in row.items() if name != "type"}
-    table = DhTable("standard", (DhRow("revolute", **GOOD), DhRow(kind, **rest)))
-    with pytest.raises(InvalidRobotDescription) as error:
-        chain_from_dh("wrong", table)
-    said = f"{error.value} {error.value.hint}"
-    assert all(word in said for word in ["row 2", *words]), said
-
-
-@pytest.mark.parametrize(
-    ("change", "word"),
-    [
-        ({"convention": "usual"}, "'usual'"),
-        ({"rows": ()}, "rows"),
-        ({"rows": (DhRow("revolute", **GOOD),) * 65}, "rows"),
-        ({"base": np.diag([1.0, 1, 1, 2])}, "base"),
-        ({"tool": np.diag([2.0, 1, 1, 1])}, "tool"),
-        ({"tool": np.eye(3)}, "tool"),
-        ({"base": np.full((4, 4), math.nan)}, "base"),
-        ({"gravity": np.array([0.0, 0.0])}, "gravity"),
-    ],
-)
-def test_wrong_tables(change: dict[str, Any], word: str) -> None:
-    values: dict[str, Any] = {"convention": "standard", "rows": (DhRow("revolute", **GOOD),)}
-    with pytest.raises(InvalidRobotDescription, match=word):
-        chain_from_dh("wrong", DhTable(**(values | change)))
-
-
 # ----------------------------------------------------------------------------- chain to table
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from kinematics.errors import InvalidRobotDescription
 from kinematics.model.chain import MAX_JOINTS
+from kinematics.model.dh import chain_from_dh
 from kinematics.model.dh_table import DhRow, DhTable, check_table
 from kinematics.pose import from_rpy, transform
 from kinematics.rounding import TENSOR_TOLERANCE
@@ -33,9 +34,9 @@ def with_inertia(tensor: Any) -> DhTable:
 
 
 def refused(wrong: DhTable, words: str) -> None:
-    """See that a table is refused with certain words."""
+    """See that no chain is made of a table, which is told with certain words."""
     with pytest.raises(InvalidRobotDescription, match=words):
-        check_table(wrong)
+        chain_from_dh("wrong", wrong)
 
 
 FITTING: dict[str, Callable[[], DhTable]] = {
@@ -146,6 +147,16 @@ def test_mass_properties_without_a_mass_are_refused() -> None:
 )
 def test_a_base_or_tool_that_is_no_rigid_motion_is_refused(name: str, T: Any) -> None:
     refused(table(**{name: T}), f"^{name} of the DH table")
+
+
+def test_unknown_conventions_and_types_are_refused_with_those_there_are() -> None:
+    for wrong, words in (
+        (DhTable("usual", (ROW,)), "'usual'"),  # type: ignore[arg-type]
+        (table(ROW, replace(ROW, type="helical")), "row 2 .*'helical'"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(InvalidRobotDescription, match=words) as error:
+            chain_from_dh("wrong", wrong)
+        assert "One of" in str(error.value.hint)
 
 
 @pytest.mark.parametrize("count", [0, MAX_JOINTS + 1])

@@ -218,6 +218,9 @@ def test_tool_speed_is_kept() -> None:
     better = solved(asked, options(timing))
     assert better.planner == "optimize"
     assert better.certificate.limits["tool_speed"].worst_ratio <= 1.0
+    times = np.linspace(0.0, better.trajectory.duration, 4001)
+    fastest = PinocchioArm().tip_speeds(better.trajectory, times).max()
+    assert 0.98 * 0.4 < fastest <= 0.4 * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize("method", ["toppra", "jerk_limited"])

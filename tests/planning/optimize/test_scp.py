@@ -38,17 +38,6 @@ def test_rounds_bring_a_motion_out_of_the_block_and_make_it_fast() -> None:
     assert 1.7 <= motion.duration < 1.85
 
 
-def test_a_motion_that_is_worse_does_not_take_the_place_of_the_best() -> None:
-    options = RefineOptions.of({"objective": "path_length"})
-    work = Descent(task(NONE), options, line(0.1), np.inf, Deadline.after(60.0))
-    best = work.best
-    assert best is not None
-    assert work._keep_if_better(line(0.3)) == []
-    assert work.best is best
-    assert work._keep_if_better(line(0.05)) == []
-    assert work.best.value < best.value
-
-
 @pytest.mark.parametrize("rounds", [1, 2])
 def test_no_more_rounds_are_run_than_allowed(rounds: int) -> None:
     work = descent(0.3, rounds=rounds)
@@ -59,13 +48,6 @@ def test_no_more_rounds_are_run_than_allowed(rounds: int) -> None:
     assert work.rounds == before
     work.add_rounds(1)
     assert work.most_rounds == before + 1
-
-
-def test_without_time_no_round_is_begun() -> None:
-    work = descent(0.02)
-    work.run(Deadline.after(0.0))
-    assert work.rounds == 0
-    assert work.best is None
 
 
 def test_a_rejected_motion_is_out_and_its_place_is_looked_at_with_more_to_spare() -> None:
@@ -82,16 +64,6 @@ def test_a_rejected_motion_is_out_and_its_place_is_looked_at_with_more_to_spare(
     assert work.best is not None
 
 
-def test_too_short_a_duration_tells_how_long_it_takes() -> None:
-    work = Descent(task(NONE), RefineOptions(), line(0.02), 1.0, Deadline.after(60.0))
-    work.run(SOON)
-    assert work.best is None
-    assert work.obstruction is not None
-    shortest = float(work.obstruction.message.split()[-2])
-    assert "the shortest motion that was found takes" in work.obstruction.message
-    assert 1.7 <= shortest < 1.85
-
-
 def test_a_duration_that_only_the_optimised_motion_keeps_is_reached() -> None:
     """The first motion takes twice as long as it may, the best one less."""
     first = Descent(task(NONE), RefineOptions(), line(0.02), np.inf, Deadline.after(60.0))
@@ -102,27 +74,6 @@ def test_a_duration_that_only_the_optimised_motion_keeps_is_reached() -> None:
         work.run(SOON)
         assert work.best is not None, work.obstruction
         assert work.best.trajectory.duration <= 1.9 * (1.0 + 1e-9)
-
-
-def test_a_leisurely_motion_of_least_length_is_the_straight_line() -> None:
-    options = RefineOptions.of({"objective": "path_length"})
-    work = Descent(task(NONE), options, line(0.2), 5.0, Deadline.after(60.0))
-    work.run(SOON)
-    assert work.best is not None
-    assert work.best.value == pytest.approx(1.2, rel=1e-3)
-    assert work.best.trajectory.duration <= 5.0
-
-
-@pytest.mark.parametrize("speed", [0.3, 0.6])
-def test_the_tools_speed_is_kept_where_it_is_the_tightest_limit(speed: float) -> None:
-    loads = EffortLimits(ROBOT.chain, tool_speed=speed)
-    work = Descent(task(NONE, loads), RefineOptions(), line(0.02), np.inf, Deadline.after(60.0))
-    work.run(SOON)
-    assert work.best is not None
-    motion = work.best.trajectory
-    times = np.linspace(0.0, motion.duration, 4001)
-    fastest = float(np.linalg.norm(motion.sample(times, 1), axis=1).max())
-    assert 0.98 * speed < fastest <= speed * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize(
