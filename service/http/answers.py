@@ -10,7 +10,6 @@ from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.scenes.scene import Scene
 from armwright_wire.scenes.tool import WithTool
-from kinematics.robot_names import builtin_names
 from service.http.compute import compute, compute_at_once
 from service.http.state import (
     STORED_TOOL,
@@ -44,18 +43,12 @@ async def _look_up(request: Request, *names: tuple[Kind, str | None]) -> list[Re
     Raises:
         ProblemError: NOT_FOUND.
     """
-    found, repository, unknown = list[Reference | None](), None, False
-    for kind, name in names:
-        reference = None
-        if kind == "robot" and name in builtin_names():
-            reference = builtin_reference(name, prepared_folder(request))
-        elif name is not None:
-            repository = repository or repository_of(request)
-            reference = repository.recall(kind, name)
-            unknown = unknown or reference is None
-        found.append(reference)
-    if repository is not None and unknown:
-        found = await run_in_threadpool(repository.look_up, names)
+    named = [(kind, name) for kind, name in names if name is not None]
+    if not all(kind == "robot" and is_built_in(name) for kind, name in named):
+        found = await run_in_threadpool(repository_of(request).look_up, names)
+    else:
+        folder = prepared_folder(request)
+        found = [None if name is None else builtin_reference(name, folder) for _, name in names]
     for reference in found:
         if reference is not None:
             note_reference(request, reference)

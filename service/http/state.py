@@ -66,7 +66,7 @@ def documents_of(request: Request) -> DocumentStore:
     caller = caller_of(request.scope)
     actor = Actor(caller.tenant, caller.api_key)
     store = store_of(request)
-    return DocumentStore(store.database, actor, caller.storage_limit, store.records)
+    return DocumentStore(store.database, actor, caller.storage_limit)
 
 
 def repository_of(request: Request) -> RobotRepository:

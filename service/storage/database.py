@@ -225,11 +225,6 @@ class Database:
             raise StoreError(self._unusable(error)) from error
 
     @property
-    def is_ours(self) -> bool:
-        """Whether no other server can change what is in it."""
-        return self._lock is not None
-
-    @property
     def fault(self) -> str | None:
         """Why the database could not be used the last time; None if it could."""
         return self._fault

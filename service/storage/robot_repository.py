@@ -36,10 +36,6 @@ class KeptDocuments:
             (item.kind, item.name): item.hash for item in pinned
         }
 
-    def recall(self, kind: str, name: str) -> Record | None:
-        """Metadata of a document, if this process remembers it."""
-        return None if (kind, name) in self._pinned else self._current.recall(kind, name)
-
     def record(self, kind: str, name: str) -> Record:
         """Metadata of a document.
 
@@ -71,7 +67,7 @@ class KeptDocuments:
 
 
 class RobotRepository:
-    """The built-in robots, and the robots and scenes of a store. All methods but `recall` block.
+    """The built-in robots, and the robots and scenes of a store. All methods block.
 
     Args:
         documents: Documents of robots and scenes.
@@ -81,16 +77,6 @@ class RobotRepository:
     def __init__(self, documents: DocumentStore | KeptDocuments, folder: str) -> None:
         self._documents = documents
         self._folder = folder
-
-    def recall(self, kind: Kind, name: str) -> Reference | None:
-        """A stored robot or scene, if this process remembers it; never blocks.
-
-        Args:
-            kind: "robot" or "scene".
-            name: Name of the robot or scene.
-        """
-        record = self._documents.recall(kind, name)
-        return None if record is None else Reference(kind, name, record.hash, self._folder)
 
     def look_up(self, names: Sequence[tuple[Kind, str | None]]) -> list[Reference | None]:
         """Robots, built-in ones first, and stored scenes of names; None without a name.

@@ -2,9 +2,8 @@
 
 import secrets
 
-from service.storage.caches.recent import RecordCache
 from service.storage.database import Database
-from service.storage.stores.document_store import DocumentStore, Record
+from service.storage.stores.document_store import DocumentStore
 from service.storage.stores.idempotency_store import IdempotencyStore
 from service.storage.stores.job_store import JobStore
 from service.storage.stores.key_store import KeyStore
@@ -24,9 +23,7 @@ class Store:
         #: Name of this server among those that share the database.
         self.server = secrets.token_hex(8)
         self.database = database
-        #: Records of documents, where this process alone writes them.
-        self.records: RecordCache[Record] | None = RecordCache() if database.is_ours else None
-        self.documents = DocumentStore(database, cache=self.records)
+        self.documents = DocumentStore(database)
         self.answers = IdempotencyStore(database, self.server)
         self.jobs = JobStore(database, self.server)
         self.plans = PlanStore(database)

@@ -2,15 +2,13 @@
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from service.problem import ProblemError, storage_problem
-from service.storage.caches.recent import RecordCache
 from service.storage.database import Database
 from service.storage.stores.audit_store import Actor, note
 from service.storage.stores.idempotency_store import KeptAnswer, keep_answer
@@ -104,7 +102,6 @@ class DocumentStore:
         actor: Actor on whose behalf documents are read and changed; those of other tenants are not
             seen.
         storage_limit: Size of all documents of the tenant [byte]; None for any.
-        cache: Cache of records, where all that write to the database have the same one.
     """
 
     def __init__(
@@ -112,13 +109,11 @@ class DocumentStore:
         database: Database,
         actor: Actor = _ANYBODY,
         storage_limit: int | None = None,
-        cache: RecordCache[Record] | None = None,
     ) -> None:
         self._database = database
         self._actor = actor
         self._tenant = actor.tenant
         self._storage_limit = storage_limit
-        self._cache = cache
 
     def create(
         self, kind: str, name: str, content: bytes, answer: KeptAnswer[Record] | None = None
@@ -129,7 +124,7 @@ class DocumentStore:
             ProblemError: CONFLICT, the name is taken; QUOTA_EXCEEDED.
         """
         try:
-            with self._writing() as connection:
+            with self._database.transaction() as connection:
                 record = self._insert(connection, kind, name, content)
                 if answer is not None:
                     keep_answer(connection, answer.key, answer.of(record))
@@ -161,21 +156,12 @@ class DocumentStore:
         except IntegrityError:  # another server created it between the two statements
             return self._replace(kind, name, content, precondition)
 
-    def recall(self, kind: str, name: str) -> Record | None:
-        """Metadata of the document of a name, if this process remembers it; never blocks."""
-        return None if self._cache is None else self._cache.recall((self._tenant, kind, name))
-
     def record(self, kind: str, name: str) -> Record:
         """Metadata of the document of a name.
 
         Raises:
             ProblemError: NOT_FOUND.
         """
-        if self._cache is None:
-            return self._look_up(kind, name)
-        return self._cache.read((self._tenant, kind, name), lambda: self._look_up(kind, name))
-
-    def _look_up(self, kind: str, name: str) -> Record:
         row = self._database.row(_FIND, self._parameters(kind, name))
         if row is None:
             raise _not_found(kind, name)
@@ -211,7 +197,7 @@ class DocumentStore:
         Raises:
             ProblemError: NOT_FOUND; or what the precondition raises.
         """
-        with self._writing() as connection:
+        with self._database.transaction() as connection:
             current = self._lock(connection, kind, name)
             if precondition is not None and current is not None:
                 precondition(current)
@@ -220,16 +206,6 @@ class DocumentStore:
                 note(connection, self._actor, "delete", f"{kind} {name}")
         if gone == 0:
             raise _not_found(kind, name)
-
-    @contextmanager
-    def _writing(self) -> Iterator[Connection]:
-        """A transaction, after which nothing that was remembered counts."""
-        try:
-            with self._database.transaction() as connection:
-                yield connection
-        finally:
-            if self._cache is not None:
-                self._cache.forget()
 
     def _parameters(self, kind: str, name: str) -> dict[str, object]:
         # PostgreSQL takes no NUL, and no document has a name with one, or an empty name.
@@ -267,7 +243,7 @@ class DocumentStore:
             "new_hash": hashlib.sha256(content).hexdigest(),
             "now": time.time(),
         }
-        with self._writing() as connection:
+        with self._database.transaction() as connection:
             current = self._lock(connection, kind, name)
             if precondition is not None:
                 precondition(current)
