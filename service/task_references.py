@@ -1,10 +1,12 @@
 """The tasks that the server asks workers to call, without the modules that they are in.
 
 Those import all that computes: half a gigabyte of libraries that the server has no use for. A type
-checker sees the tasks themselves; the server has their names, each held by a test.
+checker sees the tasks themselves; the server reads their names in this file, each held by a test.
 """
 
-from typing import TYPE_CHECKING
+import ast
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from service.workers.chunk_sizes import TURN
 from service.workers.fork.launch import Recipe
@@ -16,8 +18,11 @@ if TYPE_CHECKING:
     from service.endpoints.batch.task import split as split
     from service.endpoints.check.task import check as check
     from service.endpoints.check.task import project as project
-    from service.endpoints.dynamics import task as dynamics_tasks
     from service.endpoints.dynamics.equations import equations as equations
+    from service.endpoints.dynamics.task import dynamics_task as dynamics_task
+    from service.endpoints.dynamics.task import forward_dynamics_task as forward_dynamics_task
+    from service.endpoints.dynamics.task import regressor_task as regressor_task
+    from service.endpoints.dynamics.task import wrench_task as wrench_task
     from service.endpoints.export.task import export as export
     from service.endpoints.guard.task import guard as guard
     from service.endpoints.guard.task import guard_message as guard_message
@@ -25,8 +30,10 @@ if TYPE_CHECKING:
     from service.endpoints.identification.task import excitation as excitation
     from service.endpoints.identification.task import identify as identify
     from service.endpoints.ik.task import ik as ik
-    from service.endpoints.kinematics import task as kinematics_tasks
     from service.endpoints.kinematics.task import convert_pose as convert_pose
+    from service.endpoints.kinematics.task import fk_task as fk_task
+    from service.endpoints.kinematics.task import jacobian_task as jacobian_task
+    from service.endpoints.kinematics.task import velocity_task as velocity_task
     from service.endpoints.large_body import outline as outline
     from service.endpoints.lyapunov.task import lyapunov as lyapunov
     from service.endpoints.plan.task import plan as plan
@@ -58,74 +65,52 @@ if TYPE_CHECKING:
     from service.endpoints.tasks.task import plan_sequence as plan_sequence
     from service.endpoints.tours.task import tour as tour
 
-    dynamics = dynamics_tasks.dynamics_task
-    forward_dynamics = dynamics_tasks.forward_dynamics_task
-    regressor = dynamics_tasks.regressor_task
-    wrench = dynamics_tasks.wrench_task
-    fk = kinematics_tasks.fk_task
-    jacobian = kinematics_tasks.jacobian_task
-    velocity = kinematics_tasks.velocity_task
-else:
-    cut = TaskReference("service.endpoints.batch.task:cut")
-    plan_part = TaskReference("service.endpoints.batch.task:plan_part", GRACE + TURN)
-    split = TaskReference("service.endpoints.batch.task:split")
-    check = TaskReference("service.endpoints.check.task:check", GRACE)
-    project = TaskReference("service.endpoints.check.task:project")
-    dynamics = TaskReference("service.endpoints.dynamics.task:dynamics")
-    forward_dynamics = TaskReference("service.endpoints.dynamics.task:forward_dynamics")
-    regressor = TaskReference("service.endpoints.dynamics.task:regressor")
-    wrench = TaskReference("service.endpoints.dynamics.task:wrench")
-    equations = TaskReference("service.endpoints.dynamics.equations:equations")
-    export = TaskReference("service.endpoints.export.task:export", GRACE)
-    finger_poses = TaskReference("service.endpoints.robots.geometry:finger_poses")
-    robot_geometry = TaskReference("service.endpoints.robots.geometry:robot_geometry")
-    calibrate = TaskReference("service.endpoints.identification.task:calibrate", GRACE)
-    excitation = TaskReference("service.endpoints.identification.task:excitation", GRACE)
-    identify = TaskReference("service.endpoints.identification.task:identify")
-    guard = TaskReference("service.endpoints.guard.task:guard", GRACE)
-    guard_message = TaskReference("service.endpoints.guard.task:guard_message", GRACE)
-    ik = TaskReference("service.endpoints.ik.task:ik", GRACE)
-    fk = TaskReference("service.endpoints.kinematics.task:fk")
-    jacobian = TaskReference("service.endpoints.kinematics.task:jacobian")
-    velocity = TaskReference("service.endpoints.kinematics.task:velocity")
-    outline = TaskReference("service.endpoints.large_body:outline")
-    lyapunov = TaskReference("service.endpoints.lyapunov.task:lyapunov")
-    plan = TaskReference("service.endpoints.plan.task:plan", GRACE)
-    validate = TaskReference("service.endpoints.plan.task:validate", GRACE)
-    convert_pose = TaskReference("service.endpoints.kinematics.task:convert_pose")
-    potential = TaskReference("service.endpoints.potential.task:potential")
-    reach = TaskReference("service.endpoints.reach.task:reach", GRACE)
-    convert = TaskReference("service.endpoints.retime.task:convert")
-    retime = TaskReference("service.endpoints.retime.task:retime")
-    fit = TaskReference("service.endpoints.retime.task:fit", GRACE)
-    simplify = TaskReference("service.endpoints.retime.task:simplify", GRACE)
-    change_robot = TaskReference("service.endpoints.robots.task:change_robot")
-    make_robot = TaskReference("service.endpoints.robots.task:make_robot")
-    make_scene = TaskReference("service.endpoints.robots.task:make_scene")
-    make_tool = TaskReference("service.endpoints.robots.task:make_tool")
-    prepare_robot = TaskReference("service.endpoints.robots.task:prepare_robot")
-    prepare_scene = TaskReference("service.endpoints.robots.task:prepare_scene")
-    robot_model = TaskReference("service.endpoints.robots.task:robot_model")
-    robot_srdf = TaskReference("service.endpoints.robots.task:robot_srdf")
-    robot_urdf = TaskReference("service.endpoints.robots.task:robot_urdf")
-    unpack_robot = TaskReference("service.endpoints.robots.task:unpack_robot")
-    plan_sequence = TaskReference("service.endpoints.tasks.task:plan_sequence", GRACE)
-    simulate = TaskReference("service.endpoints.simulate.task:simulate", GRACE)
-    stop = TaskReference("service.endpoints.plans.stop:stop", GRACE)
-    swept = TaskReference("service.endpoints.plans.program:swept")
-    view = TaskReference("service.endpoints.plans.view:view")
-    tour = TaskReference("service.endpoints.tours.task:tour", GRACE)
-    witness = TaskReference("service.endpoints.plans.witness:witness", GRACE)
-    audit = TaskReference("service.endpoints.plans.audit:audit", GRACE)
+#: Grace of the tasks that mind their deadline themselves; at it, workers with others are ended.
+_GRACES = {
+    "plan_part": GRACE + TURN,
+    **dict.fromkeys(
+        (
+            "audit",
+            "calibrate",
+            "check",
+            "excitation",
+            "export",
+            "fit",
+            "guard",
+            "guard_message",
+            "ik",
+            "plan",
+            "plan_sequence",
+            "reach",
+            "simplify",
+            "simulate",
+            "stop",
+            "tour",
+            "validate",
+            "witness",
+        ),
+        GRACE,
+    ),
+}
+
+
+def _references() -> dict[str, TaskReference[..., Any]]:
+    """Reference of each task that this file imports for type checkers."""
+    found: dict[str, TaskReference[..., Any]] = {}
+    for node in ast.walk(ast.parse(Path(__file__).read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith("service.endpoints."):
+            for task in [item.name for item in node.names]:
+                name = f"{node.module}:{task.removesuffix('_task')}"
+                found[task] = TaskReference(name, _GRACES.get(task, 0.0))
+    return found
+
+
+_REFERENCES = _references()
+if not TYPE_CHECKING:
+    globals().update(_REFERENCES)
 
 #: Modules that workers load: those that define the tasks.
-MODULES = tuple(
-    sorted(
-        {one.name.partition(":")[0] for one in vars().values() if isinstance(one, TaskReference)}
-    )
-)
-
-
+MODULES = tuple(sorted({one.name.partition(":")[0] for one in _REFERENCES.values()}))
 #: Ready once every kernel is loaded; what first requests would still compute comes after that.
 RECIPE = Recipe(
     modules=MODULES,

@@ -242,13 +242,13 @@ async def fk(name: str, body: FkRequest, request: Request) -> Response:
     """The pose of one link, the tip if none is named, and of all links."""
     if body.fingers is not None:
         return await answers.respond(request, of_robot(tasks.finger_poses.job), name, body)
-    return await _frames(request, name, tasks.fk, body)
+    return await _frames(request, name, tasks.fk_task, body)
 
 
 @kinematics.post("/robots/{name}/jacobian", summary="Jacobians", response_model=JacobianAnswer)
 async def jacobian(name: str, body: JacobianRequest, request: Request) -> Response:
     """The Jacobian of a link or of a point on it, linear rows first, in the frame asked for."""
-    return await _frames(request, name, tasks.jacobian, body)
+    return await _frames(request, name, tasks.jacobian_task, body)
 
 
 @kinematics.post(
@@ -262,7 +262,7 @@ async def velocity(name: str, body: VelocityRequest, request: Request) -> Respon
     """
     is_brief = answers.count(body.joints) <= _BRIEF_TWISTS
     return await answers.respond(
-        request, of_robot(tasks.velocity.job), name, body, at_once=is_brief
+        request, of_robot(tasks.velocity_task.job), name, body, at_once=is_brief
     )
 
 

@@ -26,13 +26,15 @@ from service.http import answers
 from service.http.answers import of_robot
 from service.http.json_route import json_router
 from service.task_references import calibrate as calibrate_task
-from service.task_references import dynamics as dynamics_task
+from service.task_references import (
+    dynamics_task,
+    forward_dynamics_task,
+    regressor_task,
+    wrench_task,
+)
 from service.task_references import equations as equations_task
 from service.task_references import excitation as excitation_task
-from service.task_references import forward_dynamics as forward_dynamics_task
 from service.task_references import identify as identify_task
-from service.task_references import regressor as regressor_task
-from service.task_references import wrench as wrench_task
 
 router = json_router("dynamics", "/v1/robots/{name}")
 
