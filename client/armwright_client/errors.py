@@ -25,6 +25,7 @@
         └── one class for every other code, see `BY_CODE`
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -95,6 +96,12 @@ class ApiError(ArmwrightError):
     #: The code of the problems that are raised as this class; empty for a class of several.
     code: ClassVar[str] = ""
 
+    def __init_subclass__(cls) -> None:
+        """Take the code from the name: ``NOT_FOUND`` of ``NotFound``, where none is given."""
+        super().__init_subclass__()
+        if "code" not in vars(cls):
+            cls.code = re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__).upper()
+
     def __init__(self, problem: Problem, status: int, retry_after: float | None = None) -> None:
         super().__init__(problem, status, retry_after)
         self.problem = problem
@@ -115,6 +122,8 @@ class ApiError(ArmwrightError):
 
 class InCollision(ApiError):
     """A configuration is in collision."""
+
+    code = ""
 
     @property
     def pair(self) -> tuple[str, str] | None:
@@ -138,17 +147,15 @@ class InCollision(ApiError):
 class StartStateInCollision(InCollision):
     """The start configuration is in collision."""
 
-    code = "START_STATE_IN_COLLISION"
-
 
 class GoalInCollision(InCollision):
     """The goal configuration is in collision."""
 
-    code = "GOAL_IN_COLLISION"
-
 
 class OutsideLimits(ApiError):
     """A configuration does not fit the robot."""
+
+    code = ""
 
     @property
     def joint(self) -> str | None:
@@ -170,41 +177,31 @@ class OutsideLimits(ApiError):
 class StartStateInvalid(OutsideLimits):
     """The start configuration is not valid."""
 
-    code = "START_STATE_INVALID"
-
 
 class GoalStateInvalid(OutsideLimits):
     """The goal configuration is not valid."""
-
-    code = "GOAL_STATE_INVALID"
 
 
 class InvalidRobotState(OutsideLimits):
     """A joint vector has the wrong length or lies outside the limits."""
 
-    code = "INVALID_ROBOT_STATE"
-
 
 class StartStateViolatesPathConstraints(ApiError):
     """The start violates the path constraints."""
-
-    code = "START_STATE_VIOLATES_PATH_CONSTRAINTS"
 
 
 class GoalViolatesPathConstraints(ApiError):
     """The goal violates the path constraints."""
 
-    code = "GOAL_VIOLATES_PATH_CONSTRAINTS"
-
 
 class NoIkSolution(ApiError):
     """No configuration reaches the pose."""
 
-    code = "NO_IK_SOLUTION"
-
 
 class NoWay(ApiError):
     """No motion was found; what is in the way, as far as the service found out."""
+
+    code = ""
 
     @property
     def blocked_by(self) -> list[tuple[tuple[str, str], float]]:
@@ -241,55 +238,37 @@ class NoWay(ApiError):
 class PlanningFailed(NoWay):
     """No valid motion was found."""
 
-    code = "PLANNING_FAILED"
-
 
 class InvalidMotionPlan(ApiError):
     """The motion is malformed or not valid."""
-
-    code = "INVALID_MOTION_PLAN"
 
 
 class TimedOut(NoWay):
     """The deadline of the request passed in the service."""
 
-    code = "TIMED_OUT"
-
 
 class Preempted(ApiError):
     """The computation was cancelled."""
-
-    code = "PREEMPTED"
 
 
 class InvalidGroupName(ApiError):
     """The robot has no such group."""
 
-    code = "INVALID_GROUP_NAME"
-
 
 class InvalidLinkName(ApiError):
     """The robot has no such link."""
-
-    code = "INVALID_LINK_NAME"
 
 
 class InvalidObjectName(ApiError):
     """The scene has no such object."""
 
-    code = "INVALID_OBJECT_NAME"
-
 
 class InvalidGoalConstraints(ApiError):
     """The goal or a pose is malformed."""
 
-    code = "INVALID_GOAL_CONSTRAINTS"
-
 
 class UnrecognizedGoalType(ApiError):
     """The kind of goal is not known."""
-
-    code = "UNRECOGNIZED_GOAL_TYPE"
 
 
 class WorkerCrashed(ApiError):
@@ -301,37 +280,25 @@ class WorkerCrashed(ApiError):
 class CertificateDisputed(ApiError):
     """A second look by other code does not agree with a proof: the motion must not be run."""
 
-    code = "CERTIFICATE_DISPUTED"
-
 
 class InvalidRobotDescription(ApiError):
     """The URDF, SRDF or DH table does not describe a robot that can be built."""
-
-    code = "INVALID_ROBOT_DESCRIPTION"
 
 
 class InvalidScene(ApiError):
     """A shape, an obstacle or a planning-scene text is malformed."""
 
-    code = "INVALID_SCENE"
-
 
 class MissingLimit(ApiError):
     """A limit that is needed is given neither by the robot nor by the request."""
-
-    code = "MISSING_LIMIT"
 
 
 class MissingInertia(ApiError):
     """A mass or inertia that is needed is not given by the robot."""
 
-    code = "MISSING_INERTIA"
-
 
 class InvalidRequest(ApiError):
     """The request can't be answered."""
-
-    code = "INVALID_REQUEST"
 
 
 class ValidationFailed(ApiError):
@@ -343,101 +310,71 @@ class ValidationFailed(ApiError):
 class IdempotencyKeyReused(ApiError):
     """The idempotency key belongs to another request."""
 
-    code = "IDEMPOTENCY_KEY_REUSED"
-
 
 class Unauthenticated(ApiError):
     """Credentials are missing or wrong."""
-
-    code = "UNAUTHENTICATED"
 
 
 class Forbidden(ApiError):
     """The API key does not allow this; `details` name the scope that is needed."""
 
-    code = "FORBIDDEN"
-
 
 class QuotaExceeded(ApiError):
     """Robots and scenes would take more storage than the API key allows."""
-
-    code = "QUOTA_EXCEEDED"
 
 
 class NotFound(ApiError):
     """There is nothing of that name."""
 
-    code = "NOT_FOUND"
-
 
 class MethodNotAllowed(ApiError):
     """The service is another version, which has the path but not the method."""
-
-    code = "METHOD_NOT_ALLOWED"
 
 
 class RequestTimeout(ApiError):
     """The body of the request did not arrive in time."""
 
-    code = "REQUEST_TIMEOUT"
-
 
 class Conflict(ApiError):
     """The request conflicts with what exists, say by its name."""
-
-    code = "CONFLICT"
 
 
 class PreconditionFailed(ApiError):
     """Resource was changed meanwhile: it is not what the request expects."""
 
-    code = "PRECONDITION_FAILED"
-
 
 class PayloadTooLarge(ApiError):
     """The body of the request is larger than the service takes."""
-
-    code = "PAYLOAD_TOO_LARGE"
 
 
 class UnsupportedMediaType(ApiError):
     """The body of the request has a content type that the service does not take."""
 
-    code = "UNSUPPORTED_MEDIA_TYPE"
-
 
 class HostNotAllowed(ApiError):
     """The service does not answer under the name that it was asked by."""
-
-    code = "HOST_NOT_ALLOWED"
 
 
 class OutOfMemory(ApiError):
     """The request needs more memory than the service gives to one."""
 
-    code = "OUT_OF_MEMORY"
-
 
 class Unavailable(ApiError):
     """The service can't answer now; `retry_after` says when to ask again."""
+
+    code = ""
 
 
 class Overloaded(Unavailable):
     """The service has too many requests."""
 
-    code = "OVERLOADED"
-
 
 class NotReady(Unavailable):
     """The service is still starting."""
 
-    code = "NOT_READY"
-
 
 class StorageUnavailable(Unavailable):
     """The database of the service is locked, full or away."""
-
-    code = "STORAGE_UNAVAILABLE"
 
 
 def _kinds(base: type[ApiError]) -> Iterator[type[ApiError]]:
