@@ -68,8 +68,8 @@ def prepare(report: Report) -> None:
     """Make this process able to answer any request without compiling.
 
     With ARMWRIGHT_KERNELS_FIRST=1 only the requests of the demonstration: what others need, they
-    compile. A list of kernels that does not fit the code costs time, and no request: what it lacks
-    is found by requests of our own.
+    compile. Where the list of kernels does not fit the code, requests of our own compile what plain
+    ones need, and others what they lack.
 
     Args:
         report: as for `compile_kernels`.

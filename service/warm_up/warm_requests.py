@@ -1,4 +1,7 @@
-"""Small real requests that between them call every kernel, with the very types of real ones."""
+"""Small real requests that load libraries and compute values that others would wait for.
+
+Kernels are loaded from their list; what a request needs beside them is here.
+"""
 
 import base64
 import json
@@ -9,14 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from kinematics import pose as rotation
-from kinematics.forward import forward
 from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
 from obstacles.collision.kept_robot import kept_solids
 from obstacles.kept_files import keep_files_in, written_files
 from obstacles.scenes.scene import Scene
-from planning.search.rrt_connect import rrt_connect
 from planning.values.deadline import Deadline
 from service.endpoints.check import task as check_tasks
 from service.endpoints.dynamics import task as dynamics_tasks
@@ -72,22 +72,18 @@ def _requests() -> Iterator[Callable[[], object]]:
     with tempfile.TemporaryDirectory() as folder:
         yield partial(_uploads, folder)
     panda = builtin_reference("panda")
-    yield from _inverse_kinematics(panda)
-    touching = [[0.53, 0.0, 0.0, -2.2, 0.0, 2.2, 0.8], [0.53, 0.6, 0.0, -1.6, 0.0, 2.2, 0.8]]
-    check = {"robot": "panda", "scene": _scene(0.001), "joints": [_START, *touching]}
-    yield partial(_ask, check_tasks.check, panda, check)
-    for planner in ("auto", "straight_line", "potential_field", "rrt_connect"):
-        yield partial(_plan, panda, planner)
-    yield partial(_grow, panda)
+    down = {"position": [0.4, -0.2, 0.4], "rpy": [3.1, 0.0, 0.0]}
+    yield partial(_ask, inverse_kinematics.ik, panda, {"poses": [down, down]})
+    upright = {"type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1]}
+    held = {"constraints": [upright | {"cone_angle": 0.3}], "scene": _scene()}
+    yield partial(_ask, inverse_kinematics.ik, panda, held)
     field = {"joints": _START, "goal_joints": _GOAL, "scene": _scene()}
     yield partial(_ask, potential_tasks.potential, panda, field)
+    yield partial(_plan, panda)
     yield partial(_collide, panda)
-    # A start in collision: the nearest free one is looked for.
-    stuck = _problem("auto") | {"start": {"joints": touching[0]}}
-    yield partial(_ask, plan_tasks.plan, panda, stuck)
-    yield partial(_lead, panda)
-    yield from _hold(panda)
-    yield from _retime(panda)
+    timing = {"method": "toppra", "torque_limits": True}
+    path = {"robot": "panda", "path": {"joints": [_START, _GOAL]}, "timing": timing}
+    yield partial(retime_tasks.retime, panda, json.dumps(path).encode())
 
 
 def _load(name: str) -> None:
@@ -106,102 +102,19 @@ def _keep_apart(name: str) -> None:
         Checker.of(geometry, Scene()).clearance(np.zeros(geometry.chain.n))
 
 
-def _inverse_kinematics(panda: Reference) -> Iterator[Callable[[], object]]:
-    ask = partial(_ask, inverse_kinematics.ik, panda)
-    down = {"position": [0.4, -0.2, 0.4], "rpy": [3.1, 0.0, 0.0]}
-    for scene in (None, _scene()):
-        yield partial(ask, {"pose": down, "scene": scene})
-    yield partial(ask, {"pose": {"position": [3.0, 0.0, 0.0]}})
-    for method in ("numeric", "gradient"):
-        yield partial(ask, {"pose": down, "method": method})
-    for method in ("auto", "numeric"):
-        yield partial(ask, {"poses": [down, down], "method": method})
-
-
-def _retime(panda: Reference) -> Iterator[Callable[[], object]]:
-    """Each way to time a path; with torques, whose bounds have kernels of their own."""
-    middle = [
-        0.5 * (a + b) + 0.1 * (i % 2) for i, (a, b) in enumerate(zip(_START, _GOAL, strict=True))
-    ]
-    body: dict[str, Any] = {"robot": "panda", "path": {"joints": [_START, middle, _GOAL]}}
-    loads = {"torque_limits": True, "tool_speed": 0.5}
-    for timing in (
-        {"method": "toppra", "blend_tolerance": 0.1, **loads},
-        {"method": "jerk_limited", "blend_tolerance": 0.1, "sample_period": 0.1},
-        {"method": "jerk_limited", "interpolation": "natural_spline", **loads},
-        {"method": "spline"},
-    ):
-        content = json.dumps(body | {"timing": timing}).encode()
-        yield partial(retime_tasks.retime, panda, content)
-
-
-def _hold(panda: Reference) -> Iterator[Callable[[], object]]:
-    """Constraints of a configuration, with obstacles and without, and of a motion."""
-    upright = {"type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1]}
-    wanted = [
-        upright | {"cone_angle": 0.3},
-        {
-            "type": "relative_pose",
-            "pose": {"position": [0.4, 0.0, 0.4], "rpy": [3.1, 0, 0]},
-            "position_tolerance": 0.05,
-            "orientation_tolerance": [0.3, 0.3, 3.2],
-            "weight": 1.0,
-        },
-    ]
-    for scene in (None, _scene()):
-        query = {"constraints": wanted, "scene": scene}
-        yield partial(_ask, inverse_kinematics.ik, panda, query)
-    for angle, planner in ((0.3, "auto"), (0.3, "rrt_connect"), (1e-3, "auto")):
-        body = _problem(planner) | {"constraints": [upright | {"cone_angle": angle}]}
-        body["goal"] = {"joints": [-0.6, *_START[1:]]}
-        yield partial(_ask, plan_tasks.plan, panda, body)
-
-
-def _lead(panda: Reference) -> None:
-    """The tool along a line and an arc."""
-    tip = forward(worker_cache.robot(panda).chain, _START)
-    turn = rotation.to_quaternion(tip[:3, :3]).tolist()
-    places = [(tip[:3, 3] + shift).tolist() for shift in np.diag([0.05, 0.05, 0.0])[:2]]
-    poses = [{"position": place, "quaternion_xyzw": turn} for place in places]
-    motions = [
-        {"type": "lin", "pose": poses[0]},
-        {"type": "circ", "pose": poses[1], "center": tip[:3, 3].tolist()},
-    ]
-    body = {
-        "robot": "panda",
-        "start": {"joints": _START},
-        "goal": {"pose": poses[1]},
-        "planner": "cartesian",
-        "planner_options": {"motions": motions},
-    }
-    _ask(plan_tasks.plan, panda, body)
-
-
-def _problem(planner: str) -> dict[str, Any]:
-    return {
-        "robot": "panda",
-        "scene": _scene(),
-        "start": {"joints": _START},
-        "goal": {"joints": _GOAL},
-        "planner": planner,
-        "timing": {"sample_period": 0.1},
-    }
-
-
-def _plan(panda: Reference, planner: str) -> None:
-    answer = _ask(plan_tasks.plan, panda, _problem(planner))
+def _plan(panda: Reference) -> None:
+    """A plan around an obstacle, and the beginning of a closed loop along it."""
+    ends = {"start": {"joints": _START}, "goal": {"joints": _GOAL}}
+    answer = _ask(plan_tasks.plan, panda, {"robot": "panda", "scene": _scene(), **ends})
     if isinstance(answer, PlanOutcome):
-        trajectory = json.loads(answer.content)["trajectory"]
-        if planner == "auto":
-            _track(panda, trajectory)
-        motion = {"robot": "panda", "scene": _scene(), "trajectory": trajectory}
-        _ask(plan_tasks.validate, panda, motion)
-
-
-def _grow(panda: Reference) -> None:
-    """Trees, which the ladder has no need of where a rung before them finds a way."""
-    checker = Checker.of(worker_cache.robot(panda).geometry, Scene())
-    rrt_connect(checker, np.array(_START), [np.array(_GOAL)], 0, Deadline.after(_TIMEOUT), 1000)
+        body = {
+            "robot": "panda",
+            "scene": _scene(),
+            "trajectory": json.loads(answer.content)["trajectory"],
+            "controller": {"type": "adaptive", "natural_frequency": 5.0},
+            "duration": 0.02,
+        }
+        _ask(simulate_tasks.simulate, panda, body)
 
 
 def _collide(panda: Reference) -> None:
@@ -222,13 +135,6 @@ _URDF = """<robot name="warm">
 <joint name="bc" type="prismatic"><parent link="b"/><child link="c"/><origin xyz="0 0 1"/>
 <limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
 _OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-
-
-def _track(panda: Reference, motion: dict[str, Any]) -> None:
-    """The beginning of a closed loop: the kernels are the same for all controllers."""
-    controller = {"type": "adaptive", "natural_frequency": 5.0}
-    body = {"robot": "panda", "trajectory": motion, "controller": controller, "scene": _scene()}
-    _ask(simulate_tasks.simulate, panda, body | {"duration": 0.02})
 
 
 def _uploads(folder: str) -> None:
@@ -253,9 +159,9 @@ def _uploads(folder: str) -> None:
     check_tasks.project(reference, json.dumps(points).encode())
 
 
-def _scene(margin: float = 0.0) -> dict[str, Any]:
+def _scene() -> dict[str, Any]:
     obstacles = [
-        {"id": name, "shape": shape, "pose": {"position": position}, "margin": margin}
+        {"id": name, "shape": shape, "pose": {"position": position}}
         for name, (shape, position) in _SHAPES.items()
     ]
     return {"obstacles": obstacles}
