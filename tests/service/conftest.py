@@ -49,7 +49,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         yield Served(app, client, data)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def client(served: Served) -> httpx.Client:
     return served.client
 

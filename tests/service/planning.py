@@ -10,25 +10,12 @@ from obstacles.collision.fcl_distance import FclWorld
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import builtin_reference
 from service.translate import poses
-from tests.service.robots import (
-    ASIDE,
-    FLOOR,
-    HOME,
-    POST,
-    answer,
-    scene,
-)
+from tests.service.robots import DETOUR, FLOOR, POST, answer, scene
 
 PLACE = scene(POST, FLOOR)
 
 
-BODY: dict[str, Any] = {
-    "robot": "panda",
-    "scene": PLACE,
-    "start": {"joints": HOME},
-    "goal": {"joints": ASIDE},
-    "timeout": 20.0,
-}
+BODY = DETOUR | {"timeout": 20.0}
 
 
 def plan(client: httpx.Client, **changes: Any) -> dict[str, Any]:

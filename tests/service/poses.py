@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.pose import to_quaternion
+from kinematics.pose import from_quaternion, to_quaternion, transform
 from kinematics.robots import builtin_chain
 
 
@@ -14,8 +14,10 @@ def draws(name: str, count: int, seed: int = 0) -> Any:
     return np.random.default_rng(seed).uniform(lower, upper, (count, chain.n))
 
 
-def as_pose(T: Any) -> dict[str, Any]:
-    return {
-        "position": T[:3, 3].tolist(),
-        "quaternion_xyzw": to_quaternion(T[:3, :3]).tolist(),
-    }
+def matrix(pose: dict[str, Any]) -> Any:
+    return transform(from_quaternion(pose["quaternion_xyzw"]), pose["position"])
+
+
+def as_pose(T: Any, **more: Any) -> dict[str, Any]:
+    turn = to_quaternion(T[:3, :3]).tolist()
+    return {"position": T[:3, 3].tolist(), "quaternion_xyzw": turn, **more}

@@ -1,24 +1,29 @@
 """Robots and scenes that the tests of the service share, and how to read a problem."""
 
 import base64
+import json
 from typing import Any
 
 import httpx
+import pytest
 
-PROBLEM = {"type", "title", "status", "detail", "instance", "code", "stage", "hint", "details"}
+from service.http.errors import KINDS
+
+#: Fields of a problem document.
+FIELDS = {"type", "title", "status", "detail", "instance", "code", "stage", "hint", "details"}
 HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 ASIDE = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
+
+
+def solid(name: str, kind: str, position: list[float], **measures: Any) -> dict[str, Any]:
+    """An obstacle of a scene, with the axes of its frame."""
+    shape = {"type": kind, **measures}
+    return {"id": name, "shape": shape, "pose": {"position": position}}
+
+
 #: In the way of the straight motion from HOME to ASIDE.
-POST = {
-    "id": "post",
-    "shape": {"type": "box", "size": [0.1, 0.1, 1.2]},
-    "pose": {"position": [0.42, 0.28, 0.6]},
-}
-FLOOR = {
-    "id": "floor",
-    "shape": {"type": "halfspace", "normal": [0, 0, 1], "offset": -0.2},
-    "pose": {"position": [0, 0, 0]},
-}
+POST = solid("post", "box", [0.42, 0.28, 0.6], size=[0.1, 0.1, 1.2])
+FLOOR = solid("floor", "halfspace", [0, 0, 0], normal=[0, 0, 1], offset=-0.2)
 #: A box of 0.1 x 0.1 x 0.3 m that stands on its frame.
 BOX_OBJ = "\n".join(
     [f"v {x} {y} {z}" for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (0.0, 0.3)]
@@ -77,11 +82,12 @@ def scene(*obstacles: dict[str, Any], **more: Any) -> dict[str, Any]:
 def problem(response: httpx.Response, status: int, code: str) -> dict[str, Any]:
     """The problem document of a response, which must have this status and code."""
     assert response.headers["content-type"] == "application/problem+json", response.text
-    document: dict[str, Any] = response.json()
-    assert set(document) == PROBLEM
+    document: dict[str, Any] = json.loads(response.content, parse_constant=pytest.fail)
+    assert set(document) == FIELDS
     assert (response.status_code, document["code"]) == (status, code), document
-    assert document["status"] == status
+    assert (document["status"], document["title"]) == (status, KINDS[code].title)
     assert document["detail"]
+    assert "Traceback" not in response.text
     return document
 
 
@@ -104,11 +110,7 @@ DETOUR: dict[str, Any] = {
 
 def stuck(robot: str, timeout: float) -> dict[str, Any]:
     """A plan for ``bench`` robots to which no way exists, so it is worked on until time is up."""
-    ball = {
-        "id": "ball",
-        "shape": {"type": "sphere", "radius": 0.02},
-        "pose": {"position": [0.0, 0.0, 0.2]},
-    }
+    ball = solid("ball", "sphere", [0.0, 0.0, 0.2], radius=0.02)
     return {
         "robot": robot,
         "scene": scene(ball),

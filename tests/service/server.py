@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import httpx
 import uvicorn
@@ -12,9 +13,16 @@ from tests.service.processes import wait_until
 
 
 @contextmanager
-def serving(app: FastAPI) -> Iterator[httpx.Client]:
-    """Serve an application on a free port; gives a client once it is ready."""
-    config = uvicorn.Config(app, port=0, log_level="warning", timeout_graceful_shutdown=1)
+def serving(app: FastAPI, **options: Any) -> Iterator[httpx.Client]:
+    """Serve an application on a free port; gives a client once it is ready.
+
+    Args:
+        app: the application.
+        options: of `uvicorn.Config`.
+    """
+    config = uvicorn.Config(
+        app, port=0, log_level="warning", timeout_graceful_shutdown=1, **options
+    )
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run)
     thread.start()

@@ -9,7 +9,7 @@ import pytest
 
 from armwright_wire.scenes.check import Attached
 from tests.service.processes import wait_until
-from tests.service.robots import HOME, answer, problem, scene
+from tests.service.robots import HOME, answer, problem, scene, solid
 
 #: A UR5e folded into itself, and the pairs that a MoveIt matrix lets touch there.
 FOLDED, OPEN = [0.3, -1.4, 3.0, -1.97, -1.571, 0.2], [0.3, -1.4, 1.8, -1.97, -1.571, 0.2]
@@ -26,11 +26,7 @@ MATRIX = {
     "moveit": "name: x\nworld:\n  collision_objects: []\nallowed_collision_matrix:\n"
     f"  entry_names: [{', '.join(_NAMES)}]\n  entry_values:\n{_ROWS}"
 }
-GROUND = {
-    "id": "ground",
-    "shape": {"type": "halfspace", "normal": [0, 0, 1], "offset": 0.4433},
-    "pose": {"position": [0, 0, 0]},
-}
+GROUND = solid("ground", "halfspace", [0, 0, 0], normal=[0, 0, 1], offset=0.4433)
 BALL = {"type": "sphere", "radius": 0.05}
 #: The ball's lowest point is 3 mm below the ground at HOME, wherever joint 1 turns it.
 HELD = {"id": "ball", "shape": BALL, "pose": {"position": [0, 0, 0.1]}, "link": "panda_hand"}

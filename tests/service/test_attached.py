@@ -8,23 +8,15 @@ import pytest
 
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from tests.service.robots import HOME, answer, problem, scene
+from tests.service.robots import HOME, answer, problem, scene, solid
 
 CHAIN = builtin_chain("panda")
 #: The hand points down and holds a crate that stands on a table.
 DOWN = [0.0, 0.2, 0.0, -2.1, 0.0, 2.3, 0.785]
 TIP = forward(CHAIN, DOWN)[:3, 3]
 SIZE = [0.05, 0.05, 0.1]
-CRATE = {
-    "id": "crate",
-    "shape": {"type": "box", "size": SIZE},
-    "pose": {"position": [float(TIP[0]), float(TIP[1]), float(TIP[2])]},
-}
-TABLE = {
-    "id": "table",
-    "shape": {"type": "box", "size": [0.5, 1.0, 0.04]},
-    "pose": {"position": [0.55, 0.0, float(TIP[2]) - 0.07]},
-}
+CRATE = solid("crate", "box", [float(TIP[0]), float(TIP[1]), float(TIP[2])], size=SIZE)
+TABLE = solid("table", "box", [0.55, 0.0, float(TIP[2]) - 0.07], size=[0.5, 1.0, 0.04])
 PLACE = scene(TABLE, CRATE)
 FINGERS = ["panda_link7"]
 HELD = {"id": "crate", "link": "panda_hand", "grasp_joints": DOWN, "touch_links": FINGERS}
@@ -92,10 +84,7 @@ def test_plan_validate_and_ik_know_what_is_held(client: httpx.Client) -> None:
     ask = {"pose": pose, "scene": scene(TABLE), "max_solutions": 1}
     free = answer(client.post("/v1/robots/panda/ik", json=ask))
     assert free["solutions"][0]["collision_free"]
-    long = {
-        "id": "pole",
-        "shape": {"type": "cylinder", "radius": 0.01, "height": 0.6},
-        "pose": {"position": [0.0, 0.0, 0.4]},
+    long = solid("pole", "cylinder", [0.0, 0.0, 0.4], radius=0.01, height=0.6) | {
         "link": "panda_hand",
         "touch_links": FINGERS,
     }

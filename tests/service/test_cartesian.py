@@ -21,7 +21,7 @@ from armwright_wire.plans.plan import PlanAnswer
 from kinematics.forward import forward
 from kinematics.pose import to_quaternion
 from kinematics.robots import builtin_chain, builtin_srdf, builtin_urdf
-from tests.service.robots import HOME, answer, problem, scene
+from tests.service.robots import HOME, answer, problem, scene, solid
 
 CHAIN = builtin_chain("panda")
 TIP = forward(CHAIN, HOME)
@@ -67,11 +67,7 @@ def test_a_goal_alone_is_one_line(client: httpx.Client) -> None:
 
 
 def test_a_way_that_ends_early(client: httpx.Client) -> None:
-    wall = {
-        "id": "wall",
-        "shape": {"type": "box", "size": [0.4, 0.02, 0.4]},
-        "pose": {"position": (TIP[:3, 3] + [0.0, 0.3, 0.0]).tolist()},
-    }
+    wall = solid("wall", "box", (TIP[:3, 3] + [0.0, 0.3, 0.0]).tolist(), size=[0.4, 0.02, 0.4])
     body = BODY | {"goal": {"pose": pose(0.0, 0.4, 0.0)}, "scene": scene(wall)}
     document = problem(client.post("/v1/plan", json=body), 422, "PLANNING_FAILED")
     assert document["stage"] == "cartesian"

@@ -12,25 +12,14 @@ from kinematics.forward import forward
 from kinematics.pose import to_quaternion
 from kinematics.robots import builtin_chain
 from tests.service.planning import PLACE, world
-from tests.service.robots import (
-    ASIDE,
-    HOME,
-    POST,
-    answer,
-    problem,
-    scene,
-)
+from tests.service.robots import ASIDE, HOME, POST, answer, problem, scene, solid
 
 TIP = forward(builtin_chain("panda"), HOME)
 ROW = {
     "type": "revolute", "a": 0.5, "alpha": 0.0, "d": 0.0, "theta": 0.0,
     "lower": -3.0, "upper": 3.0, "velocity": 2.0, "acceleration": 5.0,
 }  # fmt: skip
-BALL = {
-    "id": "ball",
-    "shape": {"type": "sphere", "radius": 0.1},
-    "pose": {"position": [0.95, 0.0, 0.0]},
-}
+BALL = solid("ball", "sphere", [0.95, 0.0, 0.0], radius=0.1)
 #: Through the ball, for an arm of two links of half a metre.
 THROUGH: dict[str, Any] = {
     "robot": "lines",

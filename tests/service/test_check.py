@@ -17,13 +17,20 @@ from obstacles.scenes.scene import Scene as ObstacleScene
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import builtin_reference
 from service.translate import poses
-from tests.service.robots import ASIDE, FLOOR, HOME, LIMIT, POST, answer, bench, problem, scene
+from tests.service.robots import (
+    ASIDE,
+    FLOOR,
+    HOME,
+    LIMIT,
+    POST,
+    answer,
+    bench,
+    problem,
+    scene,
+    solid,
+)
 
-BALL = {
-    "id": "ball",
-    "shape": {"type": "sphere", "radius": 0.2},
-    "pose": {"position": [-0.4, 0, 0.6]},
-}
+BALL = solid("ball", "sphere", [-0.4, 0, 0.6], radius=0.2)
 CLUTTER = scene(
     POST,
     FLOOR,

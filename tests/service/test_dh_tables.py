@@ -8,7 +8,7 @@ import pytest
 
 from armwright_wire.robots.robot import RobotAnswer
 from kinematics.robots import builtin_urdf
-from tests.service.robots import answer, problem, scene
+from tests.service.robots import answer, problem, scene, solid
 
 ROW: dict[str, Any] = {
     "type": "revolute", "a": 0.4, "alpha": 0.3, "d": 0.1, "theta": 0.2, "beta": 0.05,
@@ -109,8 +109,7 @@ def test_solids_of_a_table_are_in_its_urdf(client: httpx.Client) -> None:
     store(client, "round_table", without)
     copy = client.get("/v1/robots/round_table/urdf").text
     answer(client.post("/v1/robots", json={"name": "round_copy", "urdf": copy}), 201)
-    ball = {"id": "ball", "shape": {"type": "sphere", "radius": 0.1},
-            "pose": {"position": [0.7, 0.3, 0.5]}}  # fmt: skip
+    ball = solid("ball", "sphere", [0.7, 0.3, 0.5], radius=0.1)
     checks = [
         answer(client.post("/v1/check", json={
             "robot": robot, "joints": [[0.3], [-1.0]], "scene": {"obstacles": [ball]}}))
@@ -123,11 +122,7 @@ LINK = {
     "type": "revolute", "a": 0.5, "alpha": 0.0, "d": 0.0, "theta": 0.0,
     "lower": -3.0, "upper": 3.0, "velocity": 2.0, "acceleration": 5.0, "jerk": 50.0,
 }  # fmt: skip
-BALL = {
-    "id": "ball",
-    "shape": {"type": "sphere", "radius": 0.1},
-    "pose": {"position": [0.9, 0.0, 0.0]},
-}
+BALL = solid("ball", "sphere", [0.9, 0.0, 0.0], radius=0.1)
 BOX = {"shape": {"type": "box", "size": [0.4, 0.1, 0.1]}, "pose": {"position": [-0.25, 0.0, 0.0]}}
 START, GOAL = [-0.8, 0.0], [0.8, 0.0]
 

@@ -18,7 +18,7 @@ from obstacles.collision.fcl_distance import FclWorld
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import builtin_reference
 from service.translate import poses
-from tests.service.robots import ASIDE, FLOOR, HOME, answer, problem, scene
+from tests.service.robots import ASIDE, FLOOR, HOME, answer, problem, scene, solid
 
 STEP = np.array(ASIDE) - np.array(HOME)
 ROWS = np.stack([HOME, 0 * STEP, 0 * STEP, 10 * STEP, -15 * STEP, 6 * STEP], axis=-1)
@@ -104,10 +104,7 @@ def test_a_stored_scene_and_the_same_inline_have_the_same_hash(client: httpx.Cli
     assert inline["robot_hash"] == model["hash"]
 
 
-PART = {
-    "id": "part", "link": "panda_hand", "shape": {"type": "box", "size": [0.02, 0.03, 0.04]},
-    "pose": {"position": [0.0, 0.0, 0.12]},
-}  # fmt: skip
+PART = solid("part", "box", [0.0, 0.0, 0.12], size=[0.02, 0.03, 0.04]) | {"link": "panda_hand"}
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,10 @@ import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.pose import from_quaternion, from_rpy, to_quaternion, transform
+from kinematics.pose import from_rpy, transform
 from kinematics.robots import builtin_srdf, builtin_urdf
 from tests.service.conftest import Served
+from tests.service.poses import as_pose, matrix
 from tests.service.robots import answer, problem
 
 #: As the stand of a public UR5 has it.
@@ -23,16 +24,6 @@ URDF = builtin_urdf("ur5e").replace(
 SRDF = builtin_srdf("ur5e")
 Q = [0.3, -1.2, 1.4, -1.0, -1.5, 0.4]
 BALL = {"type": "sphere", "radius": 0.05}
-
-
-def posed(T: Array, **more: Any) -> dict[str, Any]:
-    return {
-        "position": T[:3, 3].tolist(), "quaternion_xyzw": to_quaternion(T[:3, :3]).tolist(), **more,
-    }  # fmt: skip
-
-
-def matrix(pose: dict[str, Any]) -> Array:
-    return transform(from_quaternion(pose["quaternion_xyzw"]), pose["position"])
 
 
 def at(position: list[float], **more: Any) -> dict[str, Any]:
@@ -95,12 +86,12 @@ def test_jacobian_and_velocity(client: httpx.Client, tool: Array) -> None:
 
 def test_inverse_kinematics(client: httpx.Client, tool: Array) -> None:
     offset = transform(from_rpy([0.1, -0.1, 0.2]), [0.02, 0.03, -0.04])
-    for pose in (posed(tool @ offset), posed(offset, frame="tool"),
-                 posed(np.linalg.inv(MOUNT) @ tool @ offset, frame="base")):  # fmt: skip
+    for pose in (as_pose(tool @ offset), as_pose(offset, frame="tool"),
+                 as_pose(np.linalg.inv(MOUNT) @ tool @ offset, frame="base")):  # fmt: skip
         found = of_robot(client, "ik", pose=pose, seed_joints=Q)
         reached = of_robot(client, "fk", joints=found["solutions"][0]["joints"])
         np.testing.assert_allclose(matrix(reached["pose"]), tool @ offset, atol=1e-6)
-    without = {"pose": posed(offset, frame="tool")}
+    without = {"pose": as_pose(offset, frame="tool")}
     refusal = problem(client.post("/v1/robots/mounted/ik", json=without), 422, "INVALID_LINK_NAME")
     assert "seed_joints" in refusal["hint"]
 
@@ -133,7 +124,7 @@ def test_point_clouds_and_taken_objects_are_in_their_frames(
     cloud = {"type": "point_cloud", "points": [[0.0, 0.0, 0.03], [0.0, 0.0, 0.04]], "radius": 0.05}
     obstacle = {"id": "ball", "shape": cloud, "pose": {"position": [0, 0, 0], "frame": "tool"}}
     seen = ask(client, "/v1/check", joints=Q, scene={"obstacles": [obstacle]})
-    root = {**obstacle, "pose": posed(tool)}
+    root = {**obstacle, "pose": as_pose(tool)}
     expected = ask(client, "/v1/check", joints=Q, scene={"obstacles": [root]})
     assert seen["clearance"] == pytest.approx(expected["clearance"], abs=1e-9)
     taken = {"id": "ball", "link": "tool0", "grasp_joints": Q, "touch_links": ["wrist_3_link"]}
@@ -224,11 +215,11 @@ def test_plans_constraints_and_proofs(client: httpx.Client, tool: Array) -> None
     durations = []
     for name, T in frames.items():
         back = np.linalg.inv(T)
-        constraint = {"type": "position", "region": {**region, "pose": posed(back @ tool)}}
+        constraint = {"type": "position", "region": {**region, "pose": as_pose(back @ tool)}}
         scene = at((back @ [0.5, 0.5, 2.0, 1.0])[:3].tolist())
         body = {"scene": scene, "constraints": [constraint], "frame": name}
         plan = ask(
-            client, "/v1/plan", start={"joints": Q}, goal={"pose": posed(back @ goal)}, **body
+            client, "/v1/plan", start={"joints": Q}, goal={"pose": as_pose(back @ goal)}, **body
         )
         assert plan["frame"] == "stand"
         end = of_robot(client, "fk", joints=plan["path"]["joints"][-1])
@@ -239,7 +230,7 @@ def test_plans_constraints_and_proofs(client: httpx.Client, tool: Array) -> None
         assert proof["frame"] == "stand"
         residual = proof["path_constraint_residual"]
         assert residual == pytest.approx(plan["certificate"]["path_constraint_residual"], abs=1e-6)
-    goals = {"pose": posed(np.linalg.inv(MOUNT) @ goal), "frame": "base"}
+    goals = {"pose": as_pose(np.linalg.inv(MOUNT) @ goal), "frame": "base"}
     assert ask(client, "/v1/plan", start={"joints": Q}, goal=goals)["status"] == "success"
 
 

@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-import uvicorn
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -33,8 +31,8 @@ from obstacles.scenes import scene as obstacles_scene
 from obstacles.shapes import shape as obstacles_shape
 from service.http.layer.connection import ConnectionLimits, connection_class
 from tests.planning.stops.motions import arm, judge
-from tests.service.processes import wait_until
 from tests.service.robots import answer, problem
+from tests.service.server import serving
 
 READY = [0.0, -0.5, 0.0, -2.2, 0.0, 1.7, 0.8]
 WALL = Obstacle(id="wall", shape=Box(size=(0.1, 2.0, 2.0)), pose=Pose.at(0.65, 0.0, 0.6))
@@ -43,14 +41,8 @@ FORTH = np.array([0.0, 0.6, 0.0, 0.4, 0.0, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
-def here(served: Any) -> httpx.Client:
-    client: httpx.Client = served.client
-    return client
-
-
-@pytest.fixture(scope="module")
-def url(here: httpx.Client) -> str:
-    return str(here.base_url).rstrip("/")
+def url(client: httpx.Client) -> str:
+    return str(client.base_url).rstrip("/")
 
 
 def _into_the_wall(period: float) -> Proposal:
@@ -58,8 +50,8 @@ def _into_the_wall(period: float) -> Proposal:
     return Proposal(samples=rows, period=period, interpolation="natural_spline")
 
 
-def _fault(here: httpx.Client, body: dict[str, Any]) -> str:
-    return str(problem(here.post("/v1/guard", json=body), 422, "VALIDATION_ERROR")["detail"])
+def _fault(client: httpx.Client, body: dict[str, Any]) -> str:
+    return str(problem(client.post("/v1/guard", json=body), 422, "VALIDATION_ERROR")["detail"])
 
 
 def test_a_proposal_is_answered_with_its_stop(url: str) -> None:
@@ -163,7 +155,7 @@ def test_robot_and_first_proposal_may_come_in_one_message(url: str) -> None:
         assert json.loads(socket.recv())["number"] == 2
 
 
-def test_odd_openings_are_refused(url: str, here: httpx.Client) -> None:
+def test_odd_openings_are_refused(url: str, client: httpx.Client) -> None:
     for opening, fault in (("[]", "VALIDATION_ERROR"), ('{"robot": "nobody"}', "NOT_FOUND"),
                            ('{"robot": "panda", "stop": "soon"}', "VALIDATION_ERROR")):  # fmt: skip
         with connect(f"{url.replace('http', 'ws')}/v1/guard") as socket:
@@ -179,35 +171,27 @@ def test_odd_openings_are_refused(url: str, here: httpx.Client) -> None:
         Guard("panda", url, stp="path")  # type: ignore[call-arg]
     body = {"robot": "panda", "state": {"positions": READY}}
     both = {"twist": [0.0] * 6, "duration": 0.1, "samples": [READY]}
-    assert "exactly one" in _fault(here, body | {"proposal": both})
+    assert "exactly one" in _fault(client, body | {"proposal": both})
     less = {"samples": [READY], "period": 0.1}
-    detail = _fault(here, body | {"proposal": less})
+    detail = _fault(client, body | {"proposal": less})
     assert "samples need period and interpolation" in detail
     lone = {"joint_velocities": [0.0] * 7, "duration": 0.1}
     late = body | {"proposal": lone, "state": {"positions": READY, "elapsed": 0.1}}
-    assert "no motion was accepted" in _fault(here, late)
-    fine = answer(here.post("/v1/guard", json=body | {"proposal": lone}))
+    assert "no motion was accepted" in _fault(client, late)
+    fine = answer(client.post("/v1/guard", json=body | {"proposal": lone}))
     assert fine["scale"] == 1.0
 
 
 def test_a_session_outlives_the_time_that_heads_have(served: Any) -> None:
     # As `armwright serve` has its connections: what follows an upgrade is no head.
     make: Any = connection_class(ConnectionLimits(100, 0.3))
-    config = uvicorn.Config(served.app, port=0, log_level="warning", lifespan="off", http=make)
-    server = uvicorn.Server(config)
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    try:
-        assert wait_until(lambda: server.started, 20.0)
-        port = server.servers[0].sockets[0].getsockname()[1]
-        with Guard("panda", f"http://127.0.0.1:{port}") as guard:
+    with (
+        serving(served.app, lifespan="off", http=make) as there,
+        Guard("panda", str(there.base_url)) as guard,
+    ):
+        for _ in range(2):
             time.sleep(0.8)
             assert guard.propose(READY, JOG).scale == 1.0
-            time.sleep(0.8)
-            assert guard.propose(READY, JOG).scale == 1.0
-    finally:
-        server.should_exit = True
-        thread.join()
 
 
 def test_actions_of_a_policy_that_wanders_become_proved_ones(url: str, tmp_path: Path) -> None:

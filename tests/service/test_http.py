@@ -20,8 +20,9 @@ from service.http.errors import KINDS
 from service.settings import Settings
 from service.version import VERSION
 from service.workers.supervisor import WorkerSupervisor
-from tests.service.http.exchange import BOX, FIELDS, problem
+from tests.service.http.exchange import BOX
 from tests.service.processes import alive, wait_until
+from tests.service.robots import FIELDS, problem
 from tests.times import quickest
 
 

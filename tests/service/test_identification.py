@@ -12,8 +12,8 @@ from kinematics.forward import forward
 from kinematics.robots import builtin_chain, builtin_srdf, builtin_urdf
 from tests.dynamics.identification.logs import exciting, real_arm
 from tests.kinematics.calibration.test_maker_file import FILE
+from tests.service.poses import matrix
 from tests.service.robots import POST, answer, problem, scene
-from tests.service.test_frames import matrix
 
 CHAIN = builtin_chain("ur5e")
 ROBOT = {"urdf": builtin_urdf("ur5e"), "srdf": builtin_srdf("ur5e")}

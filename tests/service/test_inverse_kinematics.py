@@ -20,7 +20,7 @@ from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import builtin_reference
 from service.translate import poses
 from tests.service.poses import as_pose, draws
-from tests.service.robots import HOME, answer, problem, scene
+from tests.service.robots import HOME, answer, problem, scene, solid
 
 UR, SEVEN, FAR = [0.3, -1.0, 1.4, -0.7, -1.3, 0.2], [0.2, 0.2, 0.2, -1.0, 0.2, 1.0, 0.2], 300
 
@@ -66,11 +66,7 @@ def test_solutions_are_those_of_the_library(
 def test_ik_with_a_scene_tells_collisions_by_name(client: httpx.Client) -> None:
     T = forward(builtin_chain("panda"), HOME)
     pose = {"position": T[:3, 3].tolist(), "quaternion_xyzw": to_quaternion(T[:3, :3]).tolist()}
-    box = {
-        "id": "elbow_room",
-        "shape": {"type": "box", "size": [0.1, 0.1, 0.3]},
-        "pose": {"position": [0.1, 0.2, 0.6]},
-    }
+    box = solid("elbow_room", "box", [0.1, 0.2, 0.6], size=[0.1, 0.1, 0.3])
     place = scene(box)
     body: dict[str, Any] = {"pose": pose, "scene": place, "all_solutions": True}
     found = answer(client.post("/v1/robots/panda/ik", json=body))["solutions"]
@@ -93,11 +89,7 @@ def test_ik_with_a_scene_tells_collisions_by_name(client: httpx.Client) -> None:
 def test_ik_where_everything_collides(client: httpx.Client) -> None:
     T = forward(builtin_chain("panda"), HOME)
     position = T[:3, 3].tolist()
-    ball = {
-        "id": "ball",
-        "shape": {"type": "sphere", "radius": 0.1},
-        "pose": {"position": position},
-    }
+    ball = solid("ball", "sphere", position, radius=0.1)
     body: dict[str, Any] = {"pose": {"position": position, "rpy": [3.1, 0, 0]}}
     body["scene"] = scene(ball)
     document = problem(client.post("/v1/robots/panda/ik", json=body), 422, "NO_IK_SOLUTION")

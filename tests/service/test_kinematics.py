@@ -15,22 +15,16 @@ from armwright_wire.robots.kinematics import FkAnswer, JacobianAnswer, VelocityA
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import geometric
 from kinematics.pose import (
-    from_quaternion,
     to_quaternion,
-    transform,
 )
 from kinematics.robots import builtin_chain
 from tests.kinematics.test_mimic_joints import Oracle
 from tests.mimic_joints import urdf
 from tests.planning.sequence import fingers
-from tests.service.poses import draws
+from tests.service.poses import draws, matrix
 from tests.service.robots import ASIDE, HOME, answer, problem
 
 ROBOTS = ("panda", "ur5e", "stanford", "scara", "planar_rr")
-
-
-def matrix(pose: dict[str, Any]) -> Any:
-    return transform(from_quaternion(pose["quaternion_xyzw"]), pose["position"])
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from tests.service.robots import HOME, answer, bench, scene
+from tests.service.robots import HOME, answer, bench, scene, solid
 
 Mesh = tuple[list[list[float]], list[list[int]]]
 
@@ -58,14 +58,10 @@ OBSTACLES = {
     "ring": mesh(ring(0.1), "ring", [0.0, 0.0, 0.0]),
     "fine ring": mesh(ring(0.1, 60, 30), "ring", [0.0, 0.0, 0.0]),
     "sheet": mesh(sheet(), "sheet", [0.0, 0.0, 0.0]),
-    "pebble": {"id": "pebble", "shape": {"type": "convex", "vertices": ball(0.1, 2)},
-               "pose": {"position": [0.0, 0.0, 0.0]}},
-    "cloud": {"id": "cloud", "shape": {"type": "point_cloud", "points": ball(0.1, 4),
-                                       "radius": 0.005}, "pose": {"position": [0.0, 0.0, 0.0]}},
-    "dome": {"id": "dome", "shape": {"type": "cone", "radius": 0.1, "height": 0.2},
-             "pose": {"position": [0.0, 0.0, 0.0]}},
-    "floor": {"id": "floor", "shape": {"type": "halfspace", "normal": [0, 0, 1], "offset": 0.0},
-              "pose": {"position": [0.0, 0.0, 0.0]}},
+    "pebble": solid("pebble", "convex", [0.0, 0.0, 0.0], vertices=ball(0.1, 2)),
+    "cloud": solid("cloud", "point_cloud", [0.0, 0.0, 0.0], points=ball(0.1, 4), radius=0.005),
+    "dome": solid("dome", "cone", [0.0, 0.0, 0.0], radius=0.1, height=0.2),
+    "floor": solid("floor", "halfspace", [0.0, 0.0, 0.0], normal=[0, 0, 1], offset=0.0),
 }  # fmt: skip
 
 

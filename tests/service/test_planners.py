@@ -13,16 +13,9 @@ from kinematics.robots import builtin_chain
 from planning.pipeline.planners import PLANNERS
 from planning.sampling.planners import PLANNERS as SAMPLING
 from planning.sampling.planners import planner_by_name
-from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene
+from tests.service.robots import ASIDE, DETOUR, FLOOR, HOME, POST, answer, problem, scene
 
-BODY: dict[str, Any] = {
-    "robot": "panda",
-    "scene": scene(POST, FLOOR),
-    "start": {"joints": HOME},
-    "goal": {"joints": ASIDE},
-    "timeout": 20.0,
-    "seed": 1,
-}
+BODY = DETOUR | {"timeout": 20.0, "seed": 1}
 #: A pose over the table's far side, and a configuration inside the post.
 POSE = {"position": [0.35, 0.5, 0.4], "rpy": [3.1, 0.0, 0.3]}
 INSIDE = [0.58, 0.4, 0.0, -1.6, 0.0, 2.0, 0.785]
@@ -155,17 +148,8 @@ def test_a_path_to_be_kept_is_the_fields_own_or_none(client: httpx.Client) -> No
     assert problem(kept, 422, "PLANNING_FAILED")["stage"] == "potential_field"
 
 
-WAY: dict[str, Any] = {
-    "robot": "panda",
-    "scene": scene(POST, FLOOR),
-    "start": {"joints": HOME},
-    "goal": {"joints": ASIDE},
-    "timeout": 300.0,
-}
-
-
 def refined(client: httpx.Client, **changes: Any) -> dict[str, Any]:
-    found = answer(client.post("/v1/plan", json=WAY | changes))
+    found = answer(client.post("/v1/plan", json=DETOUR | {"timeout": 300.0} | changes))
     PlanAnswer.model_validate(found)
     assert found["certificate"]["verified"]
     return found

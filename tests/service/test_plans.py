@@ -16,7 +16,7 @@ from service.http.keeping import answer_digest
 from service.settings import Settings
 from tests.planning.witness.problems import checker, rejected
 from tests.service.processes import wait_until
-from tests.service.robots import FLOOR, HOME, answer, bench, problem, scene
+from tests.service.robots import FLOOR, HOME, answer, bench, problem, scene, solid
 from tests.service.schemas.bodies import BUNDLE
 from tests.service.server import serving
 
@@ -31,24 +31,14 @@ PLAN: dict[str, Any] = {
     "seed": 5,
 }
 #: In the way of the outstretched arm: the elbow has to bend.
-BAR = {
-    "id": "bar",
-    "shape": {"type": "box", "size": [0.1, 0.4, 0.1]},
-    "pose": {"position": [0.0, 0.0, 0.59]},
-}
+BAR = solid("bar", "box", [0.0, 0.0, 0.59], size=[0.1, 0.4, 0.1])
 STAGE = {"name": "kept_scene", **scene(FLOOR, BAR)}
 
 
 @pytest.fixture(scope="module")
-def here(client_of_module: httpx.Client) -> httpx.Client:
-    answer(client_of_module.post("/v1/robots", json=bench(ARM)), 201)
-    answer(client_of_module.post("/v1/scenes", json=STAGE), 201)
-    return client_of_module
-
-
-@pytest.fixture(scope="module")
-def client_of_module(served: Any) -> httpx.Client:
-    client: httpx.Client = served.client
+def here(client: httpx.Client) -> httpx.Client:
+    answer(client.post("/v1/robots", json=bench(ARM)), 201)
+    answer(client.post("/v1/scenes", json=STAGE), 201)
     return client
 
 
@@ -401,14 +391,7 @@ FORGED = {
     "something held": (
         "request",
         ("attached",),
-        [
-            {
-                "id": "rod",
-                "link": "upper",
-                "shape": {"type": "sphere", "radius": 0.02},
-                "pose": {"position": [0.0, 0.0, 0.3]},
-            }
-        ],
+        [solid("rod", "sphere", [0.0, 0.0, 0.3], radius=0.02) | {"link": "upper"}],
     ),
     "robot hash": ("answer", ("reproducibility", "robot_hash"), "0" * 64),
     "scene hash of the premises": ("answer", ("certificate", "premises", "scene_hash"), "0" * 64),

@@ -11,10 +11,10 @@ import pinocchio
 import pytest
 
 from kinematics.robots import builtin_chain, builtin_urdf
-from tests.service.robots import answer, problem
+from tests.service.robots import answer, problem, solid
 
 
-def solid(shape: str, xyz: str = "0 0 0", rpy: str = "0 0 0") -> str:
+def collision(shape: str, xyz: str = "0 0 0", rpy: str = "0 0 0") -> str:
     return (
         f'<collision><origin xyz="{xyz}" rpy="{rpy}"/><geometry><{shape}/></geometry></collision>'
     )
@@ -34,15 +34,15 @@ def fixed(parent: str, child: str, xyz: str = "0 0 0", rpy: str = "0 0 0") -> st
 ALONG_X = "0 1.5707963267948966 0"
 #: An arm of six axes with a torch, and a turntable on a stand beside it.
 CELL = f"""<robot name="cell"><link name="hall"/>
-<link name="pedestal">{solid('cylinder radius="0.1" length="0.3"', "0 0 0.15")}</link>
-<link name="column">{solid('cylinder radius="0.09" length="0.2"')}</link>
-<link name="upper">{solid('box size="0.12 0.12 0.4"', "0 0 0.2")}</link>
-<link name="fore">{solid('cylinder radius="0.05" length="0.34"', "0.2 0 0", ALONG_X)}</link>
-<link name="wrist">{solid('box size="0.1 0.08 0.08"')}</link><link name="hand"/>
-<link name="flange">{solid('cylinder radius="0.03" length="0.04"', "0.08 0 0", ALONG_X)}</link>
-<link name="torch">{solid('cylinder radius="0.012" length="0.16"', "0 0 -0.09")}</link>
-<link name="stand">{solid('box size="0.3 0.3 0.3"', "0 0 0.15")}</link>
-<link name="plate">{solid('cylinder radius="0.25" length="0.02"', "0 0 -0.01")}</link>
+<link name="pedestal">{collision('cylinder radius="0.1" length="0.3"', "0 0 0.15")}</link>
+<link name="column">{collision('cylinder radius="0.09" length="0.2"')}</link>
+<link name="upper">{collision('box size="0.12 0.12 0.4"', "0 0 0.2")}</link>
+<link name="fore">{collision('cylinder radius="0.05" length="0.34"', "0.2 0 0", ALONG_X)}</link>
+<link name="wrist">{collision('box size="0.1 0.08 0.08"')}</link><link name="hand"/>
+<link name="flange">{collision('cylinder radius="0.03" length="0.04"', "0.08 0 0", ALONG_X)}</link>
+<link name="torch">{collision('cylinder radius="0.012" length="0.16"', "0 0 -0.09")}</link>
+<link name="stand">{collision('box size="0.3 0.3 0.3"', "0 0 0.15")}</link>
+<link name="plate">{collision('cylinder radius="0.25" length="0.02"', "0 0 -0.01")}</link>
 {fixed("hall", "pedestal")}{joint("a1", "pedestal", "column", "0 0 0.4", "0 0 1", 2.9)}
 {joint("a2", "column", "upper", "0 0 0.1", "0 1 0", 2.0)}
 {joint("a3", "upper", "fore", "0 0 0.4", "0 1 0", 2.6)}
@@ -55,7 +55,7 @@ CELL = f"""<robot name="cell"><link name="hall"/>
 POST_AT = [0.5, 0.2, 0.5]
 WITH_POST = CELL.replace(
     "</robot>",
-    f"""<link name="post">{solid('cylinder radius="0.03" length="0.8"')}</link>
+    f"""<link name="post">{collision('cylinder radius="0.03" length="0.8"')}</link>
 {fixed("hall", "post", "0.5 0.2 0.5")}</robot>""",
 )
 #: Pairs that touch where they are joined.
@@ -66,20 +66,16 @@ NEIGHBOURS = {
 }  # fmt: skip
 
 
-def standing(name: str, shape: dict[str, Any], position: list[float]) -> dict[str, Any]:
-    return {"id": name, "shape": shape, "pose": {"position": position}, "link": "hall"}
+def standing(name: str, kind: str, position: list[float], **measures: Any) -> dict[str, Any]:
+    return solid(name, kind, position, **measures) | {"link": "hall"}
 
 
-POST = standing("post", {"type": "cylinder", "radius": 0.03, "height": 0.8}, POST_AT)
-WALL = standing("wall", {"type": "box", "size": [0.1, 2.0, 1.5]}, [1.15, 0.0, 0.75])
-GROUND = standing("ground", {"type": "box", "size": [4.0, 4.0, 0.1]}, [0.0, 0.0, -0.05])
-ROOF = standing("roof", {"type": "box", "size": [0.7, 0.7, 0.1]}, [0.75, 0.0, 0.62])
+POST = standing("post", "cylinder", POST_AT, radius=0.03, height=0.8)
+WALL = standing("wall", "box", [1.15, 0.0, 0.75], size=[0.1, 2.0, 1.5])
+GROUND = standing("ground", "box", [0.0, 0.0, -0.05], size=[4.0, 4.0, 0.1])
+ROOF = standing("roof", "box", [0.75, 0.0, 0.62], size=[0.7, 0.7, 0.1])
 #: On the work, which turns.
-HUB = {
-    "id": "hub",
-    "shape": {"type": "cylinder", "radius": 0.06, "height": 0.2},
-    "pose": {"position": [0.0, 0.0, 0.1]},
-}
+HUB = solid("hub", "cylinder", [0.0, 0.0, 0.1], radius=0.06, height=0.2)
 START = [0.0, 0.0, 0.0, 0.6, 0.0, 0.9, 0.0]
 SEAM = [[0.2 * math.cos(a), 0.2 * math.sin(a), 0.02] for a in np.linspace(0.0, 4.0, 100)]
 ASKED: dict[str, Any] = {
@@ -259,7 +255,7 @@ def test_an_obstacle_in_a_frame_that_moves_is_refused_with_the_cure(client: http
 
 
 def test_a_half_space_on_a_link_is_refused_with_the_cure(client: httpx.Client) -> None:
-    endless = standing("ground", {"type": "halfspace", "normal": [0, 0, 1], "offset": 0}, [0, 0, 0])
+    endless = standing("ground", "halfspace", [0, 0, 0], normal=[0, 0, 1], offset=0)
     body = ASKED | {"robot": "cell", "attached": [endless]}
     document = problem(client.post("/v1/plan", json=body), 422, "INVALID_SCENE")
     assert "'ground' is a half-space" in document["detail"]
@@ -278,10 +274,7 @@ TURNTABLE = builtin_urdf("ur5e").replace(
 )
 CIRCLE = [[0.2 * math.cos(a), 0.2 * math.sin(a), 0.0] for a in np.linspace(0.0, 3.0, 24)]
 #: Stands on the floor beside the turntable.
-STANDING = {
-    "id": "post",
-    "shape": {"type": "cylinder", "radius": 0.03, "height": 0.6},
-    "pose": {"position": [0.6, 0.45, 0.3]},
+STANDING = solid("post", "cylinder", [0.6, 0.45, 0.3], radius=0.03, height=0.6) | {
     "link": "floor",
     "touch_links": [],
 }

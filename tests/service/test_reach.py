@@ -11,7 +11,7 @@ import trimesh
 
 from armwright_wire.robots.reach import ReachAnswer
 from tests.service.processes import wait_until
-from tests.service.robots import FLOOR, POST, answer, problem, scene
+from tests.service.robots import FLOOR, POST, answer, problem, scene, solid
 
 DOWN = [1.0, 0.0, 0.0, 0.0]
 BOX = {"size": [0.8, 0.6, 0.0], "pose": {"position": [0.45, 0.0, 0.3]}, "spacing": 0.1,
@@ -117,7 +117,6 @@ def test_a_deadline_is_kept(client: httpx.Client) -> None:
 
 
 def test_what_is_held_counts(client: httpx.Client) -> None:
-    block = {"id": "block", "shape": {"type": "box", "size": [0.3, 0.3, 0.3]},
-             "link": "panda_hand", "pose": {"position": [0, 0, 0.3]}}  # fmt: skip
+    block = solid("block", "box", [0, 0, 0.3], size=[0.3, 0.3, 0.3]) | {"link": "panda_hand"}
     with_block = reach(client, box=BOX, attached=[block])
     assert with_block["reached"] < reach(client, box=BOX)["reached"]

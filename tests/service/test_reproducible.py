@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 import httpx
 import pytest
 
-from tests.service.robots import ASIDE, FLOOR, HOME, POST, scene
+from tests.service.robots import ASIDE, DETOUR, FLOOR, HOME, POST, scene
 
 #: Path and body.
 Request: TypeAlias = "tuple[str, dict[str, Any]]"
@@ -26,10 +26,7 @@ _ACROSS = {"position": [0.4, -0.3, 0.3], "quaternion_xyzw": _TURN}
 _UPRIGHT = {
     "type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1], "cone_angle": 0.3,
 }  # fmt: skip
-_PLAN: dict[str, Any] = {
-    "robot": "panda", "scene": _PLACE, "start": {"joints": HOME}, "goal": {"joints": ASIDE},
-    "timeout": _TIMEOUT, "seed": 5,
-}  # fmt: skip
+_PLAN = DETOUR | {"timeout": _TIMEOUT, "seed": 5}
 #: Back past the post to a pose.
 _POSE_PLAN = _PLAN | {"start": {"joints": ASIDE}, "goal": {"pose": _ABOVE}}
 _BOXES = {

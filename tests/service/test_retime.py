@@ -11,9 +11,10 @@ from numpy.polynomial import polynomial as power_basis
 from ruckig import InputParameter, Ruckig, Trajectory
 from scipy.interpolate import CubicSpline
 
+from tests.service.robots import HOME, problem, solid
+
 JOINTS = [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0], [0.3, 1.4]]
 LIMITS = {"velocity": [1.0, 1.5], "acceleration": [4.0, 3.0], "jerk": [40.0, 30.0]}
-HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 ASIDE = [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
 
 
@@ -25,14 +26,6 @@ def retimed(client: httpx.Client, **body: Any) -> dict[str, Any]:
     is_verified = answer["certificate"]["verified"]
     assert answer["status"] == ("success" if is_verified else "unverified")
     return answer
-
-
-def problem(response: httpx.Response, status: int, code: str) -> dict[str, Any]:
-    assert response.status_code == status, response.text
-    assert response.headers["content-type"].startswith("application/problem+json")
-    document: dict[str, Any] = response.json()
-    assert document["code"] == code
-    return document
 
 
 def peaks(trajectory: dict[str, Any], order: int) -> np.ndarray[Any, Any]:
@@ -216,8 +209,7 @@ def test_a_path_is_told_by_its_fewest_waypoints(client: httpx.Client) -> None:
     free = client.post("/v1/paths/simplify", json=about).json()
     assert (free["status"], free["waypoints"]) == ("success", [0, 49])
     assert free["certificate"]["proved"]["collisions"]
-    wall = {"obstacles": [{"id": "wall", "shape": {"type": "box", "size": [0.1, 0.1, 1.0]},
-                           "pose": {"position": [0.3, 0.0, 0.5]}}]}  # fmt: skip
+    wall = {"obstacles": [solid("wall", "box", [0.3, 0.0, 0.5], size=[0.1, 0.1, 1.0])]}
     hit = client.post("/v1/paths/simplify", json=about | {"scene": wall}).json()
     assert hit["status"] == "unverified"
     assert "wall" in hit["certificate"]["violation"]["message"]

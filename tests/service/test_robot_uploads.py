@@ -10,7 +10,7 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.service.robots import BOX_OBJ, answer, bench, problem, scene, urdf
+from tests.service.robots import BOX_OBJ, answer, bench, problem, scene, solid, urdf
 from tests.service.test_robots import archive
 
 EYE = """<link name="camera"/><joint name="eye" type="fixed">
@@ -104,8 +104,7 @@ def test_links_that_collide_as_they_look(client: httpx.Client) -> None:
     ):
         lint = answer(response, 201)["lint"]
         assert any("collide as they look" in line and "'lower'" in line for line in lint)
-    inside = scene({"id": "ball", "shape": {"type": "sphere", "radius": 0.01},
-                    "pose": {"position": [0.0, 0.0, 0.2]}})  # fmt: skip
+    inside = scene(solid("ball", "sphere", [0.0, 0.0, 0.2], radius=0.01))
     for name in ("visual_solids", "archived_visual_solids"):
         asked = {"robot": name, "joints": [0.0, 0.0], "scene": inside}
         pairs = [hit["pair"] for hit in answer(client.post("/v1/check", json=asked))["collisions"]]

@@ -12,23 +12,19 @@ from tests.service.test_stops import trajectory
 
 
 @pytest.fixture(scope="module")
-def here(served: Any) -> httpx.Client:
-    client: httpx.Client = served.client
-    return client
-
-
-@pytest.fixture(scope="module")
-def kept(here: httpx.Client) -> dict[str, Any]:
-    return plan(here, keep=True)
+def kept(client: httpx.Client) -> dict[str, Any]:
+    return plan(client, keep=True)
 
 
 def test_a_plan_leaves_a_kept_one_in_the_same_state(
-    here: httpx.Client, kept: dict[str, Any]
+    client: httpx.Client, kept: dict[str, Any]
 ) -> None:
     old, at = trajectory(kept["trajectory"]), 0.4
     start = {"plan": kept["plan_id"], "at": at}
     back = {"joints": old.start.tolist()}
-    found = answer(here.post("/v1/plan", json=BODY | {"start": start, "goal": back, "keep": True}))
+    found = answer(
+        client.post("/v1/plan", json=BODY | {"start": start, "goal": back, "keep": True})
+    )
     assert found["planner"] != "stop"
     assert found["certificate"]["verified"]
     assert any("proved together with the motion that it leaves" in n for n in found["notes"])
@@ -44,16 +40,16 @@ def test_a_plan_leaves_a_kept_one_in_the_same_state(
         for t0, t1, c in zip(motion.breaks[:-1] + begins, motion.breaks[1:] + begins,
                              motion.coefficients, strict=True)]}  # fmt: skip
     about = {"robot": "panda", "scene": PLACE, "trajectory": joined}
-    assert answer(here.post("/v1/validate", json=about))["verified"]
+    assert answer(client.post("/v1/validate", json=about))["verified"]
 
 
 def test_the_stop_of_the_old_motion_is_answered_where_no_new_one_is_proved(
-    here: httpx.Client, kept: dict[str, Any]
+    client: httpx.Client, kept: dict[str, Any]
 ) -> None:
     old, at = trajectory(kept["trajectory"]), 0.4
     blocked = {"joints": [0.0, 1.7, 0.0, -0.2, 0.0, 0.5, 0.0]}
     body = BODY | {"start": {"plan": kept["plan_id"], "at": at}, "goal": blocked}
-    found = answer(here.post("/v1/plan", json=body))
+    found = answer(client.post("/v1/plan", json=body))
     assert found["planner"] == "stop"
     assert found["certificate"]["verified"]
     assert "no new motion was proved" in found["notes"][-1]
@@ -63,7 +59,7 @@ def test_the_stop_of_the_old_motion_is_answered_where_no_new_one_is_proved(
     assert np.abs(stop.sample([stop.duration], 1)).max() < 1e-9
 
 
-def test_odd_splices_are_refused(here: httpx.Client, kept: dict[str, Any]) -> None:
+def test_odd_splices_are_refused(client: httpx.Client, kept: dict[str, Any]) -> None:
     for start, code, word in (
         ({"plan": "nothing", "at": 0.1}, "NOT_FOUND", "nothing"),
         ({"plan": kept["plan_id"], "at": 99.0}, "VALIDATION_ERROR", "outside the motion"),
@@ -72,5 +68,5 @@ def test_odd_splices_are_refused(here: httpx.Client, kept: dict[str, Any]) -> No
         ({"joints": BODY["start"]["joints"], "at": 0.1}, "VALIDATION_ERROR", "at"),
     ):  # fmt: skip
         status = 404 if code == "NOT_FOUND" else 422
-        said = problem(here.post("/v1/plan", json=BODY | {"start": start}), status, code)
+        said = problem(client.post("/v1/plan", json=BODY | {"start": start}), status, code)
         assert word in said["detail"]

@@ -18,15 +18,9 @@ WEAK = {"acceleration": [1.5] * 7}
 
 
 @pytest.fixture(scope="module")
-def here(served: Any) -> httpx.Client:
-    client: httpx.Client = served.client
-    return client
-
-
-@pytest.fixture(scope="module")
-def kept(here: httpx.Client) -> dict[str, Any]:
+def kept(client: httpx.Client) -> dict[str, Any]:
     """A plan with proved stops, which was kept."""
-    return plan(here, stops="both", limits=WEAK, keep=True)
+    return plan(client, stops="both", limits=WEAK, keep=True)
 
 
 def trajectory(motion: dict[str, Any]) -> Trajectory:
@@ -38,9 +32,9 @@ def trajectory(motion: dict[str, Any]) -> Trajectory:
 
 
 def test_a_plan_tells_of_its_stops_only_where_they_are_asked_for(
-    here: httpx.Client, kept: dict[str, Any]
+    client: httpx.Client, kept: dict[str, Any]
 ) -> None:
-    assert plan(here)["certificate"].get("stops") is None
+    assert plan(client)["certificate"].get("stops") is None
     stops = kept["certificate"]["stops"]
     assert stops["kind"] == "both"
     assert stops["proved"]
@@ -50,11 +44,11 @@ def test_a_plan_tells_of_its_stops_only_where_they_are_asked_for(
     assert [stage["name"] for stage in kept["stages"]][-1] == "stops"
 
 
-def test_a_motion_whose_joints_can_not_stop_in_time_is_slowed_down(here: httpx.Client) -> None:
-    fast = plan(here, limits={"acceleration": [15.0] * 7}, margin=0.0)
+def test_a_motion_whose_joints_can_not_stop_in_time_is_slowed_down(client: httpx.Client) -> None:
+    fast = plan(client, limits={"acceleration": [15.0] * 7}, margin=0.0)
     about = {"robot": "panda", "scene": PLACE, "trajectory": fast["trajectory"]}
     weak = {"velocity": [9.0] * 7, "acceleration": [15.0] * 7, "jerk": [1e5] * 7}
-    sound = answer(here.post("/v1/validate", json=about | {"limits": weak, "stops": "joints"}))
+    sound = answer(client.post("/v1/validate", json=about | {"limits": weak, "stops": "joints"}))
     assert sound["verified"]
     assert sound["stops"]["kind"] == "joints"
     # Of a proof nothing is slowed down.
@@ -63,11 +57,11 @@ def test_a_motion_whose_joints_can_not_stop_in_time_is_slowed_down(here: httpx.C
 
 @pytest.mark.parametrize("kind", ["path", "joints"])
 def test_a_stop_of_a_kept_plan_begins_on_it_and_ends_at_rest(
-    here: httpx.Client, kept: dict[str, Any], kind: Any
+    client: httpx.Client, kept: dict[str, Any], kind: Any
 ) -> None:
     motion, at = trajectory(kept["trajectory"]), 0.4 * kept["trajectory"]["duration"]
-    with Client(str(here.base_url)) as client:
-        told = client.plans.stop(kept["plan_id"], at, kind=kind)
+    with Client(str(client.base_url)) as connected:
+        told = connected.plans.stop(kept["plan_id"], at, kind=kind)
     assert isinstance(told, StopAnswer)
     assert told.certificate.verified
     assert told.kind == kind
@@ -81,66 +75,70 @@ def test_a_stop_of_a_kept_plan_begins_on_it_and_ends_at_rest(
 
 
 def test_stops_and_witnesses_of_a_kept_plan_are_of_its_robot_with_its_tool(
-    here: httpx.Client,
+    client: httpx.Client,
 ) -> None:
-    made = plan(here, tool="suction_cup", keep=True)
-    bare = plan(here, keep=True)
+    made = plan(client, tool="suction_cup", keep=True)
+    bare = plan(client, keep=True)
     place = f"/v1/plans/{made['plan_id']}"
-    stopped = answer(here.post(f"{place}/stop", json={"at": 0.1}))
+    stopped = answer(client.post(f"{place}/stop", json={"at": 0.1}))
     asked, told = made["certificate"]["premises"], stopped["certificate"]["premises"]
     assert (told["tool"], told["robot_hash"]) == (asked["tool"], asked["robot_hash"])
     assert asked["tool"] == "suction_cup/tip"
-    document = answer(here.get(f"{place}/witness"))
+    document = answer(client.get(f"{place}/witness"))
     assert "suction_cup" in json.dumps(document)
-    assert "suction_cup" not in json.dumps(answer(here.get(f"/v1/plans/{bare['plan_id']}/witness")))
+    assert "suction_cup" not in json.dumps(
+        answer(client.get(f"/v1/plans/{bare['plan_id']}/witness"))
+    )
 
 
-def test_a_kept_proof_has_stops_too(here: httpx.Client, kept: dict[str, Any]) -> None:
+def test_a_kept_proof_has_stops_too(client: httpx.Client, kept: dict[str, Any]) -> None:
     body = {"robot": "panda", "scene": PLACE, "trajectory": kept["trajectory"], "keep": True}
-    proof = answer(here.post("/v1/validate", json=body | {"limits": WEAK, "stops": "path"}))
+    proof = answer(client.post("/v1/validate", json=body | {"limits": WEAK, "stops": "path"}))
     assert proof["stops"]["proved"]
     body = {"at": 0.3, "kind": "joints"}
     stops = [
-        answer(here.post(f"/v1/plans/{of['plan_id']}/stop", json=body)) for of in (proof, kept)
+        answer(client.post(f"/v1/plans/{of['plan_id']}/stop", json=body)) for of in (proof, kept)
     ]
     assert stops[0]["trajectory"] == stops[1]["trajectory"]
 
 
-def test_what_has_no_stop_is_refused(here: httpx.Client, kept: dict[str, Any]) -> None:
+def test_what_has_no_stop_is_refused(client: httpx.Client, kept: dict[str, Any]) -> None:
     url = f"/v1/plans/{kept['plan_id']}/stop"
-    late = problem(here.post(url, json={"at": 1e3}), 422, "VALIDATION_ERROR")
+    late = problem(client.post(url, json={"at": 1e3}), 422, "VALIDATION_ERROR")
     assert "outside the motion" in late["detail"]
-    problem(here.post(url, json={"at": 0.1, "kind": "both"}), 422, "VALIDATION_ERROR")
-    problem(here.post("/v1/plans/none/stop", json={"at": 0.1}), 404, "NOT_FOUND")
+    problem(client.post(url, json={"at": 0.1, "kind": "both"}), 422, "VALIDATION_ERROR")
+    problem(client.post("/v1/plans/none/stop", json={"at": 0.1}), 404, "NOT_FOUND")
     checked = {"robot": "panda", "joints": BODY["start"]["joints"], "keep": True}
-    still = answer(here.post("/v1/check", json=checked))["plan_id"]
-    told = problem(here.post(f"/v1/plans/{still}/stop", json={"at": 0.0}), 422, "VALIDATION_ERROR")
+    still = answer(client.post("/v1/check", json=checked))["plan_id"]
+    told = problem(
+        client.post(f"/v1/plans/{still}/stop", json={"at": 0.0}), 422, "VALIDATION_ERROR"
+    )
     assert "no single motion" in told["detail"]
-    problem(here.post("/v1/plan", json=BODY | {"stops": "any"}), 422, "VALIDATION_ERROR")
+    problem(client.post("/v1/plan", json=BODY | {"stops": "any"}), 422, "VALIDATION_ERROR")
 
 
-def test_a_timed_path_has_a_bound_of_its_longest_stop(here: httpx.Client) -> None:
+def test_a_timed_path_has_a_bound_of_its_longest_stop(client: httpx.Client) -> None:
     body = {
         "path": {"joints": [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0]]},
         "limits": {"velocity": [1.0, 1.0], "acceleration": [4.0, 4.0]},
         "timing": {"method": "toppra"},
         "stops": "path",
     }
-    stops = answer(here.post("/v1/retime", json=body))["certificate"]["stops"]
+    stops = answer(client.post("/v1/retime", json=body))["certificate"]["stops"]
     assert stops["proved"]
     # At full speed a joint alone takes v / a.
     assert stops["longest"] >= 1.0 / 4.0
-    problem(here.post("/v1/retime", json=body | {"stops": "joints"}), 422, "VALIDATION_ERROR")
+    problem(client.post("/v1/retime", json=body | {"stops": "joints"}), 422, "VALIDATION_ERROR")
 
 
-def test_every_leg_of_a_tour_and_stage_of_a_task_has_stops(here: httpx.Client) -> None:
+def test_every_leg_of_a_tour_and_stage_of_a_task_has_stops(client: httpx.Client) -> None:
     goals = [BODY["start"], BODY["goal"]]
     common = {"robot": "panda", "scene": PLACE, "limits": WEAK, "stops": "joints", "timeout": 60.0}
-    tour = answer(here.post("/v1/tours", json=common | {"goals": goals, "end": "start",
+    tour = answer(client.post("/v1/tours", json=common | {"goals": goals, "end": "start",
                                                         "start": BODY["start"]}))  # fmt: skip
     stages = [{"kind": "move", "goal": BODY["goal"]}, {"kind": "move", "goal": BODY["start"]}]
     task = common | {"start": BODY["start"], "stages": stages}
-    done = answer(here.post("/v1/tasks", json=task))
+    done = answer(client.post("/v1/tasks", json=task))
     for leg in (*tour["legs"], *done["stages"]):
         if np.ptp([one["coefficients"][0][0] for one in leg["trajectory"]["segments"]]) == 0.0:
             continue
@@ -149,7 +147,7 @@ def test_every_leg_of_a_tour_and_stage_of_a_task_has_stops(here: httpx.Client) -
         # The validated motion has them too.
         about = {"robot": "panda", "scene": PLACE, "trajectory": leg["trajectory"],
                  "limits": WEAK, "stops": "joints"}  # fmt: skip
-        assert answer(here.post("/v1/validate", json=about))["stops"]["proved"]
+        assert answer(client.post("/v1/validate", json=about))["stops"]["proved"]
     blended = task | {"stages": [{**stages[0], "blend": 0.1}, stages[1]]}
-    told = problem(here.post("/v1/tasks", json=blended), 422, "VALIDATION_ERROR")
+    told = problem(client.post("/v1/tasks", json=blended), 422, "VALIDATION_ERROR")
     assert "leave blend of stage 0 out" in told["detail"]

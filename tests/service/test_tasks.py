@@ -16,7 +16,7 @@ from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from tests.planning.sequence import fingers
 from tests.service.processes import wait_until
-from tests.service.robots import HOME, answer, problem
+from tests.service.robots import HOME, answer, problem, solid
 
 EXAMPLE: Any = TaskRequest.model_json_schema()["examples"][0]
 TASK: dict[str, Any] = EXAMPLE | {"improve": 0.0, "timeout": 30.0}
@@ -174,8 +174,7 @@ def test_check_plan_and_validate_have_the_fingers_where_they_are_told(
 ) -> None:
     # A ball where the left plate is at 0.055 and not at 0: beside the middle of the hand.
     at = forward(builtin_chain("panda"), np.array(HOME), "panda_hand") @ [0.0, 0.055, 0.13, 1.0]
-    ball = {"id": "ball", "shape": {"type": "sphere", "radius": 0.003},
-            "pose": {"position": at[:3].tolist()}}  # fmt: skip
+    ball = solid("ball", "sphere", at[:3].tolist(), radius=0.003)
     there = [HOME[0] + 0.5, *HOME[1:]]
     body: dict[str, Any] = {"robot": claws, "scene": {"obstacles": [ball]}}
     wide = {"fingers": {"claw_left": 0.055}}

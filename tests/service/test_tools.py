@@ -6,9 +6,9 @@ import httpx
 import numpy as np
 import pytest
 
-from kinematics.pose import from_quaternion, transform
+from tests.service.poses import matrix
 from tests.service.processes import wait_until
-from tests.service.robots import answer, problem
+from tests.service.robots import answer, problem, solid
 
 HOME = [0.0, -1.2, 1.2, -1.5, -1.5, 0.0]
 TIP = {"position": [0.02, -0.01, 0.18], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}
@@ -23,10 +23,6 @@ GRIPPER: dict[str, Any] = {
     "mass": 2.0,
     "center_of_mass": [0.0, 0.0, 0.1],
 }
-
-
-def matrix(pose: dict[str, Any]) -> np.ndarray:
-    return transform(from_quaternion(pose["quaternion_xyzw"]), pose["position"])
 
 
 @pytest.fixture
@@ -90,11 +86,7 @@ def test_dynamics_carry_the_mass_of_the_tool(client: httpx.Client, gripper: str)
 
 def test_the_solids_of_the_tool_collide_and_it_is_named(client: httpx.Client, gripper: str) -> None:
     flange = matrix(ask(client, "fk", joints=HOME)["pose"])
-    wall = {
-        "id": "wall",
-        "shape": {"type": "sphere", "radius": 0.02},
-        "pose": {"position": (flange @ [0.0, 0.0, 0.15, 1.0])[:3].tolist()},
-    }
+    wall = solid("wall", "sphere", (flange @ [0.0, 0.0, 0.15, 1.0])[:3].tolist(), radius=0.02)
     body = {"robot": "ur5e", "joints": HOME, "scene": {"obstacles": [wall]}}
     assert answer(client.post("/v1/check", json=body))["valid"]
     body |= {"tool": gripper, "tcp": "tip"}
@@ -104,10 +96,10 @@ def test_the_solids_of_the_tool_collide_and_it_is_named(client: httpx.Client, gr
     assert answer(client.post("/v1/check", json=allowed))["valid"]
     every = body | {"allowed_collisions": [["*", "wall"]]}
     assert answer(client.post("/v1/check", json=every))["valid"]
-    part = {
-        "id": "part", "shape": {"type": "sphere", "radius": 0.0205}, "link": "gripper_a/tip",
-        "pose": {"position": [0.0, 0.0, 0.0]}, "touch_links": ["gripper_a"],
-    }  # fmt: skip
+    part = solid("part", "sphere", [0.0, 0.0, 0.0], radius=0.0205) | {
+        "link": "gripper_a/tip",
+        "touch_links": ["gripper_a"],
+    }
     held = {"robot": "ur5e", "joints": HOME, "tool": gripper, "tcp": "tip", "attached": [part]}
     assert answer(client.post("/v1/check", json=held))["valid"]
 
@@ -169,11 +161,10 @@ def test_a_batch_mounts_a_tool_for_all_or_each(client: httpx.Client, gripper: st
 
 
 def test_the_tip_can_be_that_of_a_held_object(client: httpx.Client) -> None:
-    peg = {
-        "id": "peg", "link": "parallel_jaw/tip",
-        "shape": {"type": "box", "size": [0.01, 0.01, 0.1]},
-        "pose": {"position": [0.0, 0.0, 0.04]}, "touch_links": ["parallel_jaw"],
-    }  # fmt: skip
+    peg = solid("peg", "box", [0.0, 0.0, 0.04], size=[0.01, 0.01, 0.1]) | {
+        "link": "parallel_jaw/tip",
+        "touch_links": ["parallel_jaw"],
+    }
     body = {
         "tool": "parallel_jaw",
         "tcp": {"object": "peg", "pose": {"position": [0.0, 0.0, 0.05]}},
@@ -249,16 +240,8 @@ def test_tours_exports_and_simulations_work_with_the_tool(
 
 
 def test_a_task_picks_with_a_built_in_jaw(client: httpx.Client) -> None:
-    crate: dict[str, Any] = {
-        "id": "crate",
-        "shape": {"type": "box", "size": [0.03, 0.06, 0.08]},
-        "pose": {"position": [-0.5, 0.1, 0.04]},
-    }
-    table = {
-        "id": "table",
-        "shape": {"type": "box", "size": [0.8, 1.2, 0.04]},
-        "pose": {"position": [-0.6, 0.0, -0.02]},
-    }
+    crate: dict[str, Any] = solid("crate", "box", [-0.5, 0.1, 0.04], size=[0.03, 0.06, 0.08])
+    table = solid("table", "box", [-0.6, 0.0, -0.02], size=[0.8, 1.2, 0.04])
     stages: list[dict[str, Any]] = [
         {"kind": "move"},
         {"kind": "approach", "distance": [0.04, 0.08]},
@@ -312,9 +295,7 @@ def test_a_tool_of_a_large_request_is_mounted_whole(client: httpx.Client) -> Non
     other = peg | {"id": "other", "link": "tool0", "pose": {"position": [0.0, 0.0, -0.5]}}
     flange = matrix(ask(client, "fk", joints=HOME)["pose"])
     far = (flange @ [0.0, 0.0, 0.15, 1.0])[:3].tolist()
-    dot = {
-        "id": "dot", "shape": {"type": "sphere", "radius": 0.001}, "pose": {"position": far},
-    }  # fmt: skip
+    dot = solid("dot", "sphere", far, radius=0.001)
     told = answer(client.post("/v1/check", json={
         "robot": "ur5e", "joints": HOME, "tool": tool, "tcp": "tip",
         "scene": {"obstacles": [dot]},

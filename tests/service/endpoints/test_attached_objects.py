@@ -17,15 +17,15 @@ from service.endpoints.attached_objects import RobotInScene, attach, requested_s
 from service.endpoints.check.task import check
 from service.storage.caches.cache_key import NotPrepared, Reference, builtin_reference
 from tests.planning.scenes import HOME, builtin
+from tests.service.robots import solid
 
 ROBOT = builtin("panda")
 AT = np.array([[1, 0, 0, 0.5], [0, 1, 0, 0.1], [0, 0, 1, 0.4], [0, 0, 0, 1]], dtype=float)
 CUP = Obstacle("cup", Sphere(0.03), AT)
 SCENE = Scene((CUP, Obstacle("table", Box(np.array([1.0, 1.0, 0.1])))), frozenset({("a", "b")}))
-PART: dict[str, Any] = {
-    "id": "part", "link": "panda_hand", "shape": {"type": "box", "size": [0.02, 0.03, 0.04]},
-    "pose": {"position": [0.0, 0.0, 0.12]},
-}  # fmt: skip
+PART: dict[str, Any] = solid("part", "box", [0.0, 0.0, 0.12], size=[0.02, 0.03, 0.04]) | {
+    "link": "panda_hand"
+}
 
 
 def held(*parts: dict[str, Any], scene: Scene = SCENE, allowed: Any = None) -> RobotInScene:

@@ -22,6 +22,7 @@ from service.endpoints.tours.task import tour
 from service.storage.caches.cache_key import builtin_reference
 from service.storage.caches.mounts import mount_of, with_tools
 from tests.service.endpoints.ask import answer_of, problem_of
+from tests.service.robots import solid
 
 TENDING = Path(__file__).parents[3] / "examples" / "machine_tending.yaml"
 TASK: dict[str, Any] = {"robot": "ur5e"} | yaml.safe_load(TENDING.read_text("utf-8"))
@@ -125,12 +126,10 @@ def test_a_tour_is_a_program_with_its_stays() -> None:
 
 def test_blocks_of_grids_stacks_and_fallbacks() -> None:
     crates = [f"crate_{k}" for k in range(3)]
-    size = [0.04, 0.04, 0.04]
     obstacles = [
-        {"id": "bench", "shape": {"type": "box", "size": [0.8, 1.2, 0.04]},
-         "pose": {"position": [0.55, 0.0, 0.0]}},
-        *({"id": name, "shape": {"type": "box", "size": size},
-           "pose": {"position": [0.4 + 0.1 * k, 0.3, 0.04]}} for k, name in enumerate(crates)),
+        solid("bench", "box", [0.55, 0.0, 0.0], size=[0.8, 1.2, 0.04]),
+        *(solid(name, "box", [0.4 + 0.1 * k, 0.3, 0.04], size=[0.04] * 3)
+          for k, name in enumerate(crates)),
     ]  # fmt: skip
     pick: list[dict[str, Any]] = [
         {"kind": "move"}, {"kind": "approach", "distance": [0.03, 0.08]},

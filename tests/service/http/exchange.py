@@ -1,19 +1,12 @@
-"""Requests to a service, and the problems that it answers with."""
+"""Paths of a service that fail in every way."""
 
-import json
 from typing import Any
 
-import httpx
-import pytest
 from fastapi import FastAPI, Request
 
 from kinematics.errors import InvalidScene, MissingLimit
 from service.http.compute import compute
-from service.http.errors import KINDS
 from tests.service import chores
-
-FIELDS = {"type", "title", "status", "detail", "instance", "code", "stage", "hint", "details"}
-
 
 LIMIT = 256 * 1024
 
@@ -47,15 +40,3 @@ def add_mishaps(app: FastAPI) -> None:
 
     for mishap in (stumble, blame, not_finite, nap, overrun, die, too_long):
         app.router.add_api_route(f"/mishaps/{mishap.__name__}", mishap)
-
-
-def problem(response: httpx.Response, status: int, code: str) -> dict[str, Any]:
-    assert response.status_code == status, response.text
-    assert response.headers["content-type"] == "application/problem+json"
-    document: dict[str, Any] = json.loads(response.content, parse_constant=pytest.fail)
-    assert set(document) == FIELDS
-    assert (document["status"], document["code"]) == (status, code)
-    assert document["title"] == KINDS[code].title
-    assert document["detail"]
-    assert "Traceback" not in response.text
-    return document

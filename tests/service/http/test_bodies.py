@@ -10,7 +10,8 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.service.http.exchange import BOX, LIMIT, problem
+from tests.service.http.exchange import BOX, LIMIT
+from tests.service.robots import problem
 
 
 @pytest.fixture

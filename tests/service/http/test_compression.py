@@ -18,9 +18,8 @@ from service.http.metrics import Metrics
 from service.http.request_headers import accepts_gzip
 from service.settings import Settings
 from tests.service.planning import BODY
-from tests.service.robots import ASIDE
 
-PLAN = BODY | {"goal": {"joints": ASIDE}}
+PLAN = BODY
 
 
 def raw(client: httpx.Client, encoding: str) -> tuple[httpx.Headers, bytes]:

@@ -17,9 +17,8 @@ import pytest
 
 from service.http.layer.middleware import SECURITY_HEADERS
 from tests.service.commands import serve
-from tests.service.http.exchange import FIELDS
 from tests.service.processes import children, descendants, wait_until
-from tests.service.robots import bench, stuck
+from tests.service.robots import FIELDS, bench, stuck
 from tests.times import quickest
 
 LIMIT = 20

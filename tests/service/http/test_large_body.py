@@ -13,7 +13,7 @@ from service.endpoints.large_body import outline
 from service.http.json_route import INLINE_BYTES
 from service.workers.result import TaskProblem
 from tests.service.robots import (
-    ASIDE,
+    DETOUR,
     FLOOR,
     HOME,
     POST,
@@ -22,18 +22,12 @@ from tests.service.robots import (
     problem,
     scene,
     stuck,
-)
+)  # fmt: skip
 from tests.times import quickest
 
 #: Blanks are JSON, too: they make a small body large.
 BLANK = b" " * (INLINE_BYTES + 1)
-PLAN: dict[str, Any] = {
-    "robot": "panda",
-    "scene": scene(FLOOR),
-    "start": {"joints": HOME},
-    "goal": {"joints": ASIDE},
-    "timeout": 60.0,
-}
+PLAN = DETOUR | {"scene": scene(FLOOR)}
 
 
 def large(client: httpx.Client, path: str, body: Any, method: str = "POST") -> httpx.Response:

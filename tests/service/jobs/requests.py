@@ -1,15 +1,10 @@
 """Requests about jobs, as tests send them."""
 
 import json
-import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import httpx
 
-from tests.service.commands import start_command
 from tests.service.processes import wait_until
 from tests.service.robots import (
     DETOUR,
@@ -91,18 +86,3 @@ def batch(client: httpx.Client, body: Any, seconds: float = 60.0) -> dict[str, A
     response = client.post("/v1/plan/batch", json=body)
     answer(response, 202)
     return ended(client, response.headers["location"], seconds)
-
-
-@contextmanager
-def started(data: Path) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
-    """The service as people start it, a process of its own."""
-    command = ["serve", "--port", "0", "--workers", "1", "--log-level", "error"]
-    with start_command([*command, "--data-dir", str(data)], stdout=subprocess.PIPE) as process:
-        try:
-            assert process.stdout is not None
-            url = process.stdout.readline().split()[-1]
-            with httpx.Client(base_url=url, timeout=60.0) as client:
-                assert wait_until(lambda: client.get("/readyz").status_code == 200, 90.0)
-                yield process, client
-        finally:
-            process.kill()

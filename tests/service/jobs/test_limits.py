@@ -10,8 +10,9 @@ from typing import Any
 
 from prometheus_client.parser import text_string_to_metric_families
 
+from tests.service.commands import serve
 from tests.service.conftest import Served
-from tests.service.jobs.requests import ASYNC, EASY, STUCK, batch, began, ended, started, submit
+from tests.service.jobs.requests import ASYNC, EASY, STUCK, batch, began, ended, submit
 from tests.service.processes import kill_in_work, wait_until
 from tests.service.robots import (
     answer,
@@ -67,8 +68,11 @@ def test_a_job_must_end_in_time(jobs: Served) -> None:
         assert (alone["status"], alone["error"]["code"]) == ("failed", "TIMED_OUT")
 
 
+SINGLE = {"ARMWRIGHT_WORKERS": "1", "ARMWRIGHT_LOG_LEVEL": "error"}
+
+
 def test_jobs_outlive_the_service(tmp_path: Path) -> None:
-    with started(tmp_path) as (process, client):
+    with serve(tmp_path, environment=SINGLE) as (process, client):
         answer(client.post("/v1/robots", json=bench("stuck")), 201)
         key = {"Idempotency-Key": "before"}
         done = submit(client, EASY, **key)
@@ -77,7 +81,7 @@ def test_jobs_outlive_the_service(tmp_path: Path) -> None:
         began(client, lost, "rrt_connect")
         process.kill()
         process.wait()
-    with started(tmp_path) as (process, client):
+    with serve(tmp_path, environment=SINGLE) as (process, client):
         assert answer(client.get(done)) == kept
         assert submit(client, EASY, **key) == done, "the same key gives the same job as before"
         began(client, lost, "rrt_connect")  # which ran, and runs once more

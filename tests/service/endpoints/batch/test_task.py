@@ -17,11 +17,11 @@ from service.workers import current
 from service.workers.chunk_sizes import Pace
 from service.workers.result import PlannedPart, PlanOutcome, TaskProblem
 from tests.service.endpoints.ask import PLANAR
+from tests.service.robots import solid
 
 HOME = {"joints": [0.0, 0.0]}
 GOALS: list[dict[str, Any]] = [{"goal": {"joints": [0.1 * n, 0.2]}, "seed": n} for n in range(5)]
-BALL = {"id": "ball", "shape": {"type": "sphere", "radius": 0.1},
-        "pose": {"position": [5.0, 0.0, 0.0]}}  # fmt: skip
+BALL = solid("ball", "sphere", [5.0, 0.0, 0.0], radius=0.1)
 COMMON: dict[str, Any] = {"robot": "planar_rr", "start": HOME, "collisions": "ignore"}
 
 

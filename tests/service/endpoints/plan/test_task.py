@@ -18,10 +18,10 @@ from service.endpoints.plan.task import _collision_cell, plan, validate
 from service.workers import current
 from tests.planning.scenes import builtin
 from tests.service.endpoints.ask import PLANAR, answer_of, problem_of
+from tests.service.robots import solid
 
 START, GOAL = [0.1, 0.2], [0.6, 0.5]
-BALL = {"id": "ball", "shape": {"type": "sphere", "radius": 0.1},
-        "pose": {"position": [5.0, 0.0, 0.0]}}  # fmt: skip
+BALL = solid("ball", "sphere", [5.0, 0.0, 0.0], radius=0.1)
 EASY: dict[str, Any] = {"robot": "planar_rr", "start": {"joints": START}, "goal": {"joints": GOAL}}
 STONE = Obstacle("stone", Sphere(0.1))
 #: One second at half a radian a second.
