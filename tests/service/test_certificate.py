@@ -110,6 +110,7 @@ def test_obstacles_and_no_solids_are_refused(client: httpx.Client) -> None:
     asked = THROUGH | {"scene": scene(BALL)}
     told = problem(client.post("/v1/plan", json=asked), 422, "INVALID_ROBOT_DESCRIPTION")
     assert "no collision geometry" in told["detail"]
+    assert told["details"]["reason"] == "no_collision_geometry"
     assert '"collisions": "ignore"' in told["hint"]
     free = answer(client.post("/v1/plan", json=THROUGH))
     assert free["certificate"]["verified"]

@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 
 import httpx
-import pytest
 
 from service.app import create_app
 from service.settings import Settings
@@ -93,16 +92,6 @@ def test_who_waits_is_answered_beside_thirty_jobs(served: Served) -> None:
         for job in jobs:
             client.delete(f"/v1/jobs/{job}")
     assert wait_until(lambda: supervisor.busy == 0, 20.0)
-
-
-def test_a_client_that_leaves_stops_its_plan(served: Served) -> None:
-    client, supervisor = served.client, served.supervisor
-    client.post("/v1/robots", json=bench("killed"))
-    with pytest.raises(httpx.TimeoutException):
-        client.post("/v1/plan", json=STUCK, timeout=0.5)
-    # Long before its own time is up, which is 20 s.
-    assert wait_until(lambda: supervisor.busy == 0, 10.0)
-    answer(client.post("/v1/plan", json=BODY))
 
 
 def test_robots_and_scenes_outlive_the_server(tmp_path: Path) -> None:

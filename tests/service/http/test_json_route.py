@@ -69,15 +69,3 @@ def test_a_body_is_read_once_and_follows_its_model() -> None:
         assert await request.json() == {"joints": [0, 1.5]}
 
     asyncio.run(scenario())
-
-
-@pytest.mark.parametrize(
-    ("content", "path"),
-    [(b'{"joints": []}', "joints"), (b'{"joints": [NaN]}', "joints[0]"), (b"{", "body"),
-     (b'{"joints": [1e999]}', "joints[0]"), (b'{"joints": [0], "x": 1}', "x"), (b"[]", "body")],
-)  # fmt: skip
-def test_a_body_at_fault_is_told_by_path(content: bytes, path: str) -> None:
-    with pytest.raises(ProblemError) as refused:
-        asyncio.run(strict(content).read(FkRequest))
-    assert refused.value.code == "VALIDATION_ERROR"
-    assert [item["path"] for item in refused.value.details["errors"]] == [path]

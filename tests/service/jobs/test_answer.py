@@ -45,10 +45,6 @@ def test_a_job_that_has_not_ended_does_not_expire() -> None:
     assert job_summary(record(ended=10.0)).expires is None
 
 
-def test_an_operation_is_method_and_path() -> None:
-    assert job_summary(record(method="PUT", path="/v1/x")).operation == "PUT /v1/x"
-
-
 def test_a_result_is_there_once_the_job_has_succeeded() -> None:
     result = {"a": [1, 2.5, None]}
     assert document("succeeded", answer_of(result))["result"] == result
@@ -57,12 +53,6 @@ def test_a_result_is_there_once_the_job_has_succeeded() -> None:
         found = document(status, answer_of(result))
         assert (found["result"], found["error"]) == (None, None)
     assert document("succeeded", None)["result"] is None
-
-
-def test_an_error_is_there_once_the_job_has_failed() -> None:
-    found = document("failed", answer_of(PROBLEM, "application/problem+json"))
-    assert found["error"] == PROBLEM
-    assert found["result"] is None
 
 
 @pytest.mark.parametrize(

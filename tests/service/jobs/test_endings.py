@@ -12,20 +12,6 @@ from tests.service.jobs.loop import App, ended, run, until
 from tests.service.jobs.stored import REQUEST, opened, record
 
 
-def test_a_running_job_is_cancelled_with_its_work(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
-        job = await jobs.accept(REQUEST)
-        await until(lambda: len(app.contexts) == 1)
-        cancelled = await jobs.cancel(job.id)
-        assert cancelled.status == "cancelled"
-        await until(lambda: app.cancelled == 1)
-        found, answer = await jobs.get(job.id)
-        assert (found.status, answer) == ("cancelled", None)
-        assert (await jobs.cancel(job.id)).ended == cancelled.ended, "it stays as it was"
-
-    run(tmp_path, scenario)
-
-
 def test_a_queued_job_is_cancelled_before_it_begins(tmp_path: Path) -> None:
     async def scenario(jobs: Jobs, app: App, store: Store) -> None:
         first, second = await jobs.accept(REQUEST), await jobs.accept(REQUEST)
@@ -37,20 +23,6 @@ def test_a_queued_job_is_cancelled_before_it_begins(tmp_path: Path) -> None:
         assert [context.id for context in app.contexts] == [first.id]
 
     run(tmp_path, scenario, workers=1)
-
-
-def test_a_job_that_does_not_end_in_time_is_ended(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
-        job = await jobs.accept(REQUEST)
-        done, answer = await ended(jobs, job.id)
-        assert done.status == "failed"
-        assert answer is not None
-        problem = json.loads(answer.content)
-        assert (problem["code"], problem["stage"]) == ("TIMED_OUT", "job")
-        assert "within 0.05 s" in problem["detail"]
-        assert app.cancelled == 1
-
-    run(tmp_path, scenario, job_deadline=0.05)
 
 
 def test_events_go_on_until_the_end_with_signs_of_life(tmp_path: Path) -> None:

@@ -24,13 +24,6 @@ def told(job: LiveJob, after: int = 0) -> list[tuple[str, str, float, str | None
     return [(kind, data["status"], data["progress"], data["stage"]) for kind, data in events]
 
 
-def test_a_new_job_tells_that_it_waits() -> None:
-    job = live()
-    assert told(job) == [("status", "queued", 0.0, None)]
-    assert not job.has_ended
-    assert job.record.event == 1
-
-
 def test_a_job_is_taken_up_once() -> None:
     job = live()
     before = time.time()
@@ -84,18 +77,6 @@ def test_only_success_is_the_whole_of_it() -> None:
         assert job.record.progress == progress
         assert job.record.location == "/v1/robots/x"
         assert job.record.ended is not None
-
-
-def test_only_a_failure_ends_with_a_problem() -> None:
-    job = live()
-    job.end("failed", PROBLEM)
-    (last,) = list(job.since(1))
-    assert json.loads(last.data)["error"] == {"code": "CRASH"}
-    for status in ("succeeded", "cancelled"):
-        other = live()
-        other.end(status, PROBLEM)
-        (last,) = list(other.since(1))
-        assert "error" not in json.loads(last.data)
 
 
 def test_events_are_counted_on_across_restarts() -> None:

@@ -109,19 +109,6 @@ def test_batches_have_a_queue_of_their_own(tmp_path: Path) -> None:
     run(tmp_path, scenario, workers=1)
 
 
-def test_too_many_jobs_are_refused_until_one_has_ended(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
-        first = await jobs.accept(REQUEST)
-        await jobs.accept(REQUEST)
-        with pytest.raises(JobsFull):
-            await jobs.accept(REQUEST)
-        assert len(store.jobs.list(None, "", 10)) == 2
-        await jobs.cancel(first.id)
-        await jobs.accept(REQUEST)
-
-    run(tmp_path, scenario, job_limit=2)
-
-
 def test_waiting_requests_have_so_much_room_together(tmp_path: Path) -> None:
     mebibyte = 1024 * 1024
 

@@ -6,7 +6,7 @@ import pytest
 
 from service.http.errors import status_of
 from service.problem import ProblemError
-from service.storage.store import Store, open_store
+from service.storage.store import Store
 from service.storage.stores.audit_store import Actor
 from service.storage.stores.document_store import DocumentStore
 from service.storage.stores.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
@@ -42,13 +42,6 @@ def test_documents_are_created_replaced_and_deleted(documents: DocumentStore) ->
         with pytest.raises(ProblemError) as missing:
             refused("scene", "a")
         assert code_of(missing) == ("NOT_FOUND", 404)
-
-
-def test_kinds_do_not_see_each_other(documents: DocumentStore) -> None:
-    documents.create("scene", "a", b"scene")
-    documents.create("robot", "a", b"robot")
-    documents.delete("scene", "a")
-    assert documents.get("robot", "a").content == b"robot"
 
 
 def test_tenants_do_not_see_each_other(store: Store) -> None:
@@ -90,23 +83,6 @@ def test_a_name_with_nul_is_of_no_document(documents: DocumentStore) -> None:
     with pytest.raises(ProblemError, match="no scene"):
         documents.get("scene", "a\0")
     assert [record.name for record in documents.list("scene", "a\0", 10)] == ["b"]
-
-
-def test_everything_survives_a_restart(url: str) -> None:
-    first = open_store(url)
-    record = first.documents.create("robot", "a", b"content")
-    first.close()
-    second = open_store(url)
-    assert second.documents.get("robot", "a").record == record
-    second.close()
-
-
-def test_what_was_committed_is_seen_by_others_at_once(url: str) -> None:
-    first, second = open_store(url), open_store(url)
-    first.documents.create("robot", "a", b"content")
-    assert second.documents.get("robot", "a").content == b"content"
-    second.close()
-    first.close()
 
 
 def test_an_answer_is_kept_with_the_document_or_not_at_all(store: Store) -> None:

@@ -12,15 +12,6 @@ _HOLD = "import sys; from service.storage.database import FileLock; from pathlib
 lock = FileLock(Path(sys.argv[1])); print('locked', flush=True); sys.stdin.read()"
 
 
-def test_a_lock_is_held_once(tmp_path: Path) -> None:
-    first = FileLock(tmp_path / "lock")
-    with pytest.raises(FileLocked):
-        FileLock(tmp_path / "lock")
-    first.release()
-    first.release()
-    FileLock(tmp_path / "lock").release()
-
-
 def test_a_process_that_is_killed_holds_nothing(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-c", _HOLD, str(tmp_path / "lock")],

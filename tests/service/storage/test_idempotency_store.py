@@ -86,16 +86,6 @@ def test_keys_are_forgotten_after_a_day(store: Store, monkeypatch: pytest.Monkey
     assert store.answers.begin(KEY, "other") is None
 
 
-def test_answers_survive_a_restart(url: str) -> None:
-    first = open_store(url)
-    assert first.answers.begin(KEY, "hash") is None
-    first.answers.finish(KEY, ANSWER)
-    first.close()
-    second = open_store(url)
-    assert second.answers.begin(KEY, "hash") == ANSWER
-    second.close()
-
-
 def test_of_many_that_claim_a_key_at_once_one_gets_it(url: str) -> None:
     stores = [open_store(url) for _ in range(3)]
     with stores[0].database.transaction() as connection:  # as servers that share it

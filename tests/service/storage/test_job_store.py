@@ -177,16 +177,6 @@ def test_failures_without_an_answer_take_no_room(jobs: JobStore) -> None:
     assert len(kept(jobs)) == 5
 
 
-def test_jobs_outlive_the_store(url: str) -> None:
-    first = open_store(url)
-    first.jobs.add(record(), REQUEST)
-    first.close()
-    second = open_store(url)
-    assert second.jobs.get(record().id) == (record(), None)
-    assert second.jobs.request(record().id) == REQUEST
-    second.close()
-
-
 def test_an_answer_is_kept_with_the_job_or_not_at_all(store: Store) -> None:
     key = IdempotencyKey("k", "POST /v1/plan")
     answer = Recorded(202, {"location": "/v1/jobs/x"}, b"{}")

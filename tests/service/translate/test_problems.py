@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from armwright_wire.plans.plan import PlanRequest
-from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState
 from obstacles.scenes.scene import Scene
 from planning.problem import JointGoal, PoseGoal
-from service.translate.problems import options, plain, planner_name, problem
-from service.translate.timings import given_limits, limits
+from service.translate.problems import options, planner_name, problem
 from tests.planning.scenes import builtin
 
 ROBOT = builtin("planar_rr")
@@ -46,14 +44,6 @@ def test_goals_of_each_form() -> None:
     np.testing.assert_allclose(second.T_base_tip, expected, atol=1e-15)
 
 
-@pytest.mark.parametrize(
-    "goal", [{"joints": [0.1]}, {"any_of": [{"joints": [0.1, 0.2]}, {"joints": [0.1, 0.2, 0.3]}]}]
-)
-def test_a_goal_of_another_length_is_named(goal: dict[str, Any]) -> None:
-    with pytest.raises((InvalidRobotState, InvalidGoal), match="goal"):
-        problem(request(goal=goal), ROBOT, Scene())
-
-
 def test_options_carry_the_time_that_is_left() -> None:
     made = options(request(planner="RRTConnect", planner_options={"range": 0.5}, seed=3),
                    ROBOT.chain, 1.5)  # fmt: skip
@@ -62,21 +52,3 @@ def test_options_carry_the_time_that_is_left() -> None:
     assert made.refine is None
     assert options(request(refine=True), ROBOT.chain, 1.0).refine is not None
     assert options(request(refine=False), ROBOT.chain, 1.0).refine is None
-
-
-def test_limits_of_a_request_go_before_those_of_the_robot() -> None:
-    body = request(limits={"velocity": [1.0, 2.0]}).limits
-    bounds = limits(body, ROBOT.chain)
-    np.testing.assert_array_equal(bounds["velocity"], [1.0, 2.0])
-    np.testing.assert_array_equal(bounds["acceleration"], ROBOT.chain.limits.acceleration)
-    assert "jerk" not in bounds, "the robot's jerk limit does not bind where none is asked for"
-    wrong = request(limits={"velocity": [1.0]}).limits
-    with pytest.raises(InvalidOption, match="2 positive numbers"):
-        given_limits(wrong, ROBOT.chain.joint_names)
-
-
-def test_details_become_plain_numbers() -> None:
-    values = plain({"a": np.float64(0.5), "b": np.int64(3), "c": "text", "d": [1]})
-    assert values == {"a": 0.5, "b": 3, "c": "text", "d": [1]}
-    assert type(values["a"]) is float
-    assert type(values["b"]) is int

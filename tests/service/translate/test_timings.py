@@ -11,7 +11,7 @@ from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody
 from armwright_wire.plans.plan import ValidateRequest
 from dynamics.terms import gravity_vector
-from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
+from kinematics.errors import InvalidOption, MissingLimit
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from planning.timing.options import TimingOptions
@@ -165,26 +165,3 @@ def test_a_path_takes_the_names_of_the_robot_or_its_own_or_numbers() -> None:
     assert path_to_time(path(joint_names=list(NAMES)), CHAIN).joint_names == NAMES
     assert path_to_time(path(joint_names=["b", "a"]), None).joint_names == ("b", "a")
     assert path_to_time(path(), None).joint_names == ("joint1", "joint2")
-
-
-@pytest.mark.parametrize(
-    ("fields", "robot", "words"),
-    [
-        (
-            {"joints": [[0.0, 0.1], [1.0]]},
-            True,
-            r"path\.joints\[1\] has 1 value\(s\) in place of 2",
-        ),
-        ({"joints": [[0.0] * 3]}, True, r"path\.joints\[0\] has 3 value\(s\) in place of 2"),
-        ({"joints": [[0.0] * 3, [0.0] * 2]}, False, r"path\.joints\[1\] has 2 .* in place of 3"),
-        ({"joint_names": [*NAMES[::-1]]}, True, "not those of the robot in its order"),
-        ({"joint_names": ["a"]}, False, "must be 2 different names"),
-        ({"joint_names": ["a", "a"]}, False, "must be 2 different names"),
-        ({"joint_names": ["a", "b", "c"]}, False, "must be 2 different names"),
-    ],
-)
-def test_a_path_that_does_not_fit_is_refused(
-    fields: dict[str, Any], robot: bool, words: str
-) -> None:
-    with pytest.raises(InvalidTrajectory, match=words):
-        path_to_time(path(**fields), CHAIN if robot else None)

@@ -46,27 +46,6 @@ def test_samples_become_the_spline_that_is_named() -> None:
     np.testing.assert_array_equal(named_trajectory(named).coefficients, motion.coefficients)
 
 
-@pytest.mark.parametrize(
-    ("fields", "text"),
-    [
-        ({"joint_names": ["a", "b"], "segments": [segment(0, 1, [0.0], [0.0])]}, "of the joints"),
-        ({"segments": [segment(0, 1, [0.0])]}, r"segments\[0\] is of 1 joint"),
-        (
-            {"segments": [segment(0, 1, [0.0], [0.0]), segment(1.1, 2, [0.0], [0.0])]},
-            r"segments\[1\] begins at 1.1 s",
-        ),
-        (
-            {"samples": {"time": [0, 1], "position": [[0.0, 0.0], [0.0]]},
-             "interpolation": "linear"},
-            r"samples.position\[1\] has 1 value",
-        ),
-    ],
-)  # fmt: skip
-def test_what_does_not_fit_the_robot_is_refused(fields: dict[str, Any], text: str) -> None:
-    with pytest.raises(InvalidTrajectory, match=text):
-        trajectory(body(**fields), CHAIN)
-
-
 def test_names_of_a_motion_without_a_robot_are_different() -> None:
     with pytest.raises(InvalidTrajectory, match="named twice"):
         named_trajectory(body(joint_names=["a", "a"], segments=[segment(0, 1, [0.0], [0.0])]))

@@ -7,7 +7,6 @@ import pickle
 import random
 import signal
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -90,24 +89,6 @@ def test_a_worker_tells_how_long_it_had_a_job() -> None:
         assert 0.2 <= quickest(attempt, 0.45) < 0.45
 
 
-def test_faults_bugs_and_unknown_tasks_cost_no_worker() -> None:
-    with worker() as (process, channel):
-        receive(channel)
-        unknown: Job[Any] = Job("os:getpid")
-        for job, kind, text in (
-            (chores.blame_caller.job(), Reply.FAULT, "INVALID_LINK_NAME"),
-            (chores.stumble.job(), Reply.BUG, "ZeroDivisionError"),
-            (chores.unpicklable.job(), Reply.BUG, "pickle"),
-            (unknown, Reply.BUG, "not a registered task"),
-        ):
-            send(channel, job)
-            assert receive(channel) == (Reply.STARTED,)
-            reply = receive(channel)
-            assert reply[0] == kind
-            assert text in str(reply[2])
-        assert process.is_alive()
-
-
 def test_progress_is_sent_only_where_it_is_wanted() -> None:
     with worker() as (_, channel):
         receive(channel)
@@ -150,23 +131,6 @@ def test_any_cut_of_the_stream_gives_the_same_payloads() -> None:
 def test_garbage_is_refused() -> None:
     with pytest.raises(ValueError, match="a frame of"):
         list(main.FrameDecoder().feed(b"\xff" * 8))
-
-
-def test_large_payload_over_a_socket_and_the_end_of_it() -> None:
-    ours, theirs = socket.socketpair()
-    payload = random.Random(2).randbytes(3_000_000)
-
-    def send() -> None:
-        with theirs:
-            theirs.sendall(main.encode(payload))
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    with ours:
-        assert main.receive(ours) == payload
-        with pytest.raises(EOFError):
-            main.receive(ours)
-    sender.join()
 
 
 MODULE = "tests.service.chores"
@@ -244,12 +208,6 @@ def test_all_end_at_once_with_the_sentinel() -> None:
             os.close(other)
             assert wait_until(lambda: not alive(worker), 20.0), "though native code runs"
             assert wait_until(lambda: server.process.poll() is not None, 20.0)
-
-
-def test_progress_is_told_before_a_fork_server_is_warm() -> None:
-    with launched("slow_warming") as server:
-        assert receive(server.control) == (Notice.PROGRESS, 0, 2, None)
-        assert receive(server.control) == (Notice.PROGRESS, 1, 2, 30.4)
 
 
 def test_a_fork_server_that_cannot_warm_up_says_why_and_ends() -> None:

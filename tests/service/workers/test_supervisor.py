@@ -105,8 +105,10 @@ def test_the_mean_duration_is_that_of_work() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["os:system", "tests.service.chores:os", "tests.service.chores:no_warming"]
-)
+    "name",
+    ["os:system", "tests.service.chores:os", "tests.service.chores:no_warming", "", "plan",
+     "service.endpoints.plan.task:_late"],
+)  # fmt: skip
 def test_only_registered_functions_are_tasks(name: str) -> None:
     load_tasks("tests.service.chores")
     with pytest.raises(LookupError, match="not a registered task"):

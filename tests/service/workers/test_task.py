@@ -9,17 +9,14 @@ import pytest
 from planning.values.deadline import Deadline
 from service.endpoints.plan.task import plan, validate
 from service.storage.caches.cache_key import Reference, builtin_reference
-from service.task_references import MODULES
 from service.workers.result import PlanOutcome
 from service.workers.task import (
     GRACE,
     NEVER,
     Job,
-    load_tasks,
     pack_job,
     registered_task,
     task,
-    task_names,
     unpack_job,
 )
 from tests.service import chores
@@ -73,23 +70,3 @@ def test_two_tasks_of_one_name_are_refused() -> None:
     with pytest.raises(ValueError, match="already is a task"):
         task(chores.add.function)
     assert registered_task("tests.service.chores:add") is chores.add
-
-
-def test_all_modules_of_tasks_are_loaded() -> None:
-    for module in MODULES:
-        load_tasks(module)
-    names = task_names("service.endpoints")
-    assert {name.partition(":")[2] for name in names} >= {
-        "check", "convert", "dynamics", "fk", "ik", "jacobian", "make_robot", "make_scene",
-        "outline", "plan", "potential", "prepare_robot", "prepare_scene", "project", "regressor",
-        "retime", "simulate", "split", "unpack_robot", "validate", "velocity", "wrench",
-    }  # fmt: skip
-    assert not any(name.startswith("tests.") for name in names)
-
-
-@pytest.mark.parametrize("name", ["os:system", "service.endpoints.plan.task:_late", "", "plan"])
-def test_a_name_alone_runs_nothing(name: str) -> None:
-    with pytest.raises(LookupError, match="not a registered task"):
-        registered_task(name)
-    unknown: Job[object] = Job(name)
-    assert unknown.task == name

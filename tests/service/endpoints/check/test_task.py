@@ -9,22 +9,10 @@ import pytest
 from armwright_wire.scenes.scene import ProjectAnswer
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
-from service.endpoints.check.task import check, project
+from service.endpoints.check.task import project
 from service.storage.caches import worker_cache
-from service.storage.caches.cache_key import NotPrepared, Reference
+from service.storage.caches.cache_key import Reference
 from service.workers.result import TaskProblem
-from tests.planning.scenes import HOME
-from tests.service.endpoints.ask import PANDA
-
-
-def test_a_scene_that_is_not_prepared_is_missed() -> None:
-    lost = Reference("scene", "lost", "0" * 64, "/nowhere")
-    body = json.dumps({"robot": "panda", "joints": HOME.tolist(), "scene": "lost"}).encode()
-    with pytest.raises(NotPrepared, match="lost"):
-        check(PANDA, lost, body)
-    with pytest.raises(NotPrepared, match="lost"):
-        project(lost, json.dumps({"points": [[0, 0, 0]]}).encode())
-
 
 STORED = Reference("scene", "stored", "1" * 64, "")
 

@@ -1,29 +1,20 @@
 """Plans and validations in process: what is answered, what is refused, and what is reported."""
 
-import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
 import pytest
 
 from armwright_wire.plans.plan import PlanAnswer
-from kinematics.errors import InvalidRobotDescription
-from obstacles.robots.robot_geometry import RobotGeometry
-from obstacles.scenes.scene import Obstacle, Scene
-from obstacles.shapes.shape import Sphere
 from planning.values.deadline import Deadline
-from service.endpoints.attached_objects import RobotInScene
-from service.endpoints.plan.task import _collision_cell, plan, validate
+from service.endpoints.plan.task import plan, validate
 from service.workers import current
-from tests.planning.scenes import builtin
 from tests.service.endpoints.ask import PLANAR, answer_of, problem_of
 from tests.service.robots import solid
 
 START, GOAL = [0.1, 0.2], [0.6, 0.5]
 BALL = solid("ball", "sphere", [5.0, 0.0, 0.0], radius=0.1)
 EASY: dict[str, Any] = {"robot": "planar_rr", "start": {"joints": START}, "goal": {"joints": GOAL}}
-STONE = Obstacle("stone", Sphere(0.1))
 #: One second at half a radian a second.
 SEGMENT = {"t0": 10.0, "t1": 11.0, "coefficients": [[0.1, 0.0, 0.03, -0.02], [0.2]]}
 MOTION: dict[str, Any] = {"robot": "planar_rr", "trajectory": {"segments": [SEGMENT]}}
@@ -82,24 +73,3 @@ def test_a_method_that_does_not_limit_jerk_says_that_it_is_not_proved() -> None:
     fastest = proved({"method": "toppra"})
     assert not fastest["limits"]
     assert "limits are proved but for jerk" in fastest["reasons"][0]
-
-
-# ------------------------------------------------------------------------------- validation
-
-
-def test_obstacles_need_a_robot_that_can_hit_them() -> None:
-    chain = builtin("planar_rr").chain
-    none = np.zeros(0, dtype=np.int64)
-    bare = RobotInScene(RobotGeometry(chain, (), (), none, none, {}), Scene((STONE,)))
-    with pytest.raises(InvalidRobotDescription, match="no collision geometry") as refused:
-        _collision_cell(bare, "check")
-    assert refused.value.details["reason"] == "no_collision_geometry"
-    alone = dataclasses.replace(bare, scene=Scene())
-    assert _collision_cell(alone, "check") is alone
-    ignoring = _collision_cell(bare, "ignore")
-    assert ignoring.scene.obstacles == ()
-    solid = RobotInScene(builtin("planar_rr"), Scene((STONE,)))
-    assert _collision_cell(solid, "check") is solid
-    stripped = _collision_cell(solid, "ignore")
-    assert (stripped.robot.pieces, stripped.scene.obstacles) == ((), ())
-    assert stripped.robot.chain is solid.robot.chain
