@@ -22,8 +22,8 @@ from planning.values.limits import JERK_JUMP
 from planning.values.optimize_options import CONTROL_POINTS, RefineOptions
 
 
-class Offer(NamedTuple):
-    """A motion that is better than the one that was known.
+class RefinedMotion(NamedTuple):
+    """Motion that refinement found better than the known one.
 
     Args:
         trajectory: Trajectory in time.
@@ -111,7 +111,7 @@ class Refinement:
         late = Obstruction("time was up before a motion was found", "Allow more time.")
         return found or late
 
-    def offer(self, deadline: Deadline) -> Offer | None:
+    def offer(self, deadline: Deadline) -> RefinedMotion | None:
         """Optimise; the best motion if it is better than the known one."""
         self._descent.run(deadline)
         best = self._descent.best
@@ -122,9 +122,9 @@ class Refinement:
         if self.binding and not worth < self.value * (1.0 - 1e-6):
             return None
         iterate = best.iterate
-        return Offer(motion, iterate.sample(np.asarray(iterate.space.breaks)), worth)
+        return RefinedMotion(motion, iterate.sample(np.asarray(iterate.space.breaks)), worth)
 
-    def reject(self, offer: Offer, time: float) -> None:
+    def reject(self, offer: RefinedMotion, time: float) -> None:
         """An offer could not be proved free at a time [s]: keep away from there, and go on."""
         best = self._descent.best
         if best is not None:

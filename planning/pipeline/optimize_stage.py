@@ -15,7 +15,7 @@ from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
 from planning.optimize.linearization import Obstruction
-from planning.optimize.refinement import Offer, Refinement
+from planning.optimize.refinement import RefinedMotion, Refinement
 from planning.optimize.task import End, Task
 from planning.options import Options
 from planning.problem import JointGoal, Problem
@@ -98,7 +98,7 @@ class OptimizeStage:
     _work: Refinement | None = field(default=None, init=False)
     _skip_reason: str = field(default="", init=False)
 
-    def offer(self, deadline: Deadline) -> Offer | None:
+    def offer(self, deadline: Deadline) -> RefinedMotion | None:
         """Optimise; the best motion if it is better than the known one.
 
         Raises:
@@ -115,7 +115,7 @@ class OptimizeStage:
             self._work = self._begin(deadline)
         return self._work.offer(deadline)
 
-    def report(self, offer: Offer | None) -> tuple[bool, str]:
+    def report(self, offer: RefinedMotion | None) -> tuple[bool, str]:
         """Sentence for the stage's report."""
         if self._skip_reason or self._work is None:
             return False, self._skip_reason
@@ -127,7 +127,7 @@ class OptimizeStage:
             detail += f"; objective {self._work.value:.4g} became {offer.value:.4g}"
         return True, f"{detail}."
 
-    def reject(self, offer: Offer, certificate: Certificate) -> bool:
+    def reject(self, offer: RefinedMotion, certificate: Certificate) -> bool:
         """An offer was not proved; whether another one may be."""
         violation = certificate.violation
         if self._work is None or violation is None or violation.kind not in _PLACED:

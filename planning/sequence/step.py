@@ -72,8 +72,8 @@ class LineStopped(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class FoundLine:
-    """The planner of a line that is known by then.
+class KnownLine:
+    """Planner that answers a tool path which was found before.
 
     Args:
         path: The line.
@@ -277,7 +277,7 @@ def _plan_moving(
     planners: tuple[Planner, ...] | None = None
     if step.line is not None:
         start, goals = step.line.start, (JointGoal(step.line.end),)
-        planners = (FoundLine(step.line.path),)
+        planners = (KnownLine(step.line.path),)
     elif step.motion == "free":
         options = replace(options, max_edges=max_edges)
     else:
