@@ -310,7 +310,7 @@ class Projector:
         self.ids = tuple(obstacle.id for obstacle in found)
         self.arrays = pack_obstacles(found)
 
-    def __call__(self, points: ArrayLike) -> tuple[Array, Array]:
+    def __call__(self, points: ArrayLike, within: Array | None = None) -> tuple[Array, Array]:
         """Project ``points`` onto every obstacle.
 
         A union of several solids (a point cloud, a mesh of several bodies) is answered by the one
@@ -319,6 +319,8 @@ class Projector:
 
         Args:
             points: Shape (m, 3) [m].
+            within: Distance from a point beyond which obstacles may be left out: their distance is
+                infinite, their projection NaN; shape (m,) [m]. None for everything.
 
         Returns:
             pi(p) for each point and obstacle, shape (m, o, 3) [m]; the signed distance, negative
@@ -328,10 +330,10 @@ class Projector:
             InvalidScene: Wrong shape or not finite.
         """
         checked = checked_points(points)
-        projection = np.empty((len(checked), len(self.ids), 3))
+        projection = np.full((len(checked), len(self.ids), 3), np.nan)
         distance = np.empty((len(checked), len(self.ids)))
-        everything = np.full(len(checked), np.inf)
-        project_kernel(checked, self.arrays, everything, projection, distance)
+        reach = np.full(len(checked), np.inf) if within is None else within
+        project_kernel(checked, self.arrays, reach, projection, distance)
         return projection, distance
 
 

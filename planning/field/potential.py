@@ -25,7 +25,7 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from kinematics.model.chain import Chain
 from obstacles.projection.fcl_projection import FclProjector
-from obstacles.projection.projection import ProjectionArrays, Projector, project_kernel
+from obstacles.projection.projection import Projector
 from planning.field.control_points import ControlPoints, control_points
 from planning.field.weights import FieldWeights
 
@@ -80,64 +80,29 @@ def attraction_kernel(field: FieldArrays, points: Array, forces: Array) -> float
 
 
 @kernel
-def repulsion_kernel(
-    field: FieldArrays,
-    obstacles: ProjectionArrays,
-    points: Array,
-    within: Array,
-    projections: Array,
-    distances: Array,
-    forces: Array,
-) -> float:
-    """Write F_rep of the points (m, 3) into ``forces`` (m, 3); the sum of U_rep.
+def repulsion_kernel(field: FieldArrays, distances: Array, outward: Array, forces: Array) -> float:
+    """Write F_rep of the points into ``forces`` (m, 3); the sum of U_rep [J].
 
-    ``projections`` (m, o, 3) and ``distances`` (m, o) are written on the way, of what is no farther
-    than ``within`` (m,), which must be as far as an obstacle is felt.
+    Args:
+        field: The weights.
+        distances: Signed, of the points from o obstacles, shape (m, o) [m].
+        outward: Directions in which these grow, shape (m, o, 3).
+        forces: Shape (m, 3) [N].
     """
     weights, reach = field.repulsive, field.reach
-    project_kernel(points, obstacles, within, projections, distances)
     total = 0.0
-    u = np.empty(3)
-    for i in range(points.shape[0]):
-        for row in range(3):
-            forces[i, row] = 0.0
+    forces[:] = 0.0
+    for i in range(distances.shape[0]):
         for k in range(distances.shape[1]):
             rho = distances[i, k] - field.radii[i]
-            if not rho <= reach:
-                continue
-            near = max(rho, field.least)
-            rise = 1.0 / near - 1.0 / reach
-            push = weights[i] * rise / (near * near)
-            total += 0.5 * weights[i] * rise * rise + push * (near - rho)
-            outward_kernel(points[i], projections[i, k], distances[i, k], k, obstacles, u)
-            for row in range(3):
-                forces[i, row] += push * u[row]
+            if rho <= reach:
+                near = max(rho, field.least)
+                rise = 1.0 / near - 1.0 / reach
+                push = weights[i] * rise / (near * near)
+                total += 0.5 * weights[i] * rise * rise + push * (near - rho)
+                for row in range(3):
+                    forces[i, row] += push * outward[i, k, row]
     return total
-
-
-@kernel
-def outward_kernel(
-    point: Array, projection: Array, distance: float, k: int, obstacles: ProjectionArrays, u: Array
-) -> None:
-    """Write the direction (3,) in which the distance of a point from obstacle k grows."""
-    if abs(distance) > ON_SURFACE:
-        for row in range(3):
-            u[row] = (point[row] - projection[row]) / distance
-        return
-    around = np.empty((6, 3))
-    for row in range(6):
-        for axis in range(3):
-            around[row, axis] = point[axis]
-        around[row, row // 2] += NUDGE if row % 2 == 0 else -NUDGE
-    o = obstacles.owners[-1] + 1
-    beside, slopes = np.empty((6, o, 3)), np.empty((6, o))
-    project_kernel(around, obstacles, np.full(6, np.inf), beside, slopes)
-    square = 0.0
-    for axis in range(3):
-        u[axis] = slopes[2 * axis, k] - slopes[2 * axis + 1, k]
-        square += u[axis] * u[axis]
-    for axis in range(3):
-        u[axis] = u[axis] / np.sqrt(square) if square > 0.0 else 0.0
 
 
 @kernel
@@ -307,25 +272,13 @@ class Field:
 
     def _terms(self, q: Array, within: Array) -> "_Terms":
         """The terms of the field, of obstacles no farther from the points than ``within``, (m,)."""
-        m, o = len(self._where), len(self._obstacles.ids)
+        m = len(self._where)
         points, jacobians = control_points(self._chain, self._where, q)
         pulls, pushes, force = np.empty((m, 3)), np.empty((m, 3)), np.empty(self._chain.n)
-        projections, distances = np.empty((m, o, 3)), np.empty((m, o))
         potential = attraction_kernel(self._arrays, points, pulls)
-        if isinstance(self._obstacles, FclProjector):
-            projections, distances = self._obstacles(points, within)
-            outward = _outward(self._obstacles, points, projections, distances)
-            potential += repulsion(self._arrays, distances, outward, pushes)
-        else:
-            potential += repulsion_kernel(
-                self._arrays,
-                self._obstacles.arrays,
-                points,
-                within,
-                projections,
-                distances,
-                pushes,
-            )
+        projections, distances = self._obstacles(points, within)
+        outward = _outward(self._obstacles, points, projections, distances)
+        potential += repulsion_kernel(self._arrays, distances, outward, pushes)
         force_kernel(jacobians, pulls, pushes, force)
         e = self.goal - q
         potential += 0.5 * self._joint_weight * float(e @ e)
@@ -354,33 +307,14 @@ class _Terms(NamedTuple):
     distances: Array
 
 
-def repulsion(field: FieldArrays, distances: Array, outward: Array, forces: Array) -> float:
-    """Write F_rep of m points into ``forces`` (m, 3), from distances that are known.
-
-    Args:
-        field: The weights.
-        distances: Signed, of the points from o obstacles, shape (m, o) [m].
-        outward: Directions in which these grow, shape (m, o, 3).
-        forces: Shape (m, 3) [N].
-
-    Returns:
-        The sum of U_rep [J].
-    """
-    rho = distances - field.radii[:, None]
-    felt = rho <= field.reach
-    near = np.where(felt, np.maximum(rho, field.least), field.reach)
-    rise = 1.0 / near - 1.0 / field.reach
-    push = field.repulsive[:, None] * rise / (near * near)
-    forces[:] = np.einsum("mo,moi->mi", push, np.where(felt[..., None], outward, 0.0))
-    tangent = np.where(felt, push * (near - np.where(felt, rho, near)), 0.0)
-    return float((0.5 * field.repulsive[:, None] * rise * rise + tangent).sum())
-
-
-def _outward(obstacles: FclProjector, points: Array, projections: Array, distances: Array) -> Array:
+def _outward(
+    obstacles: Projector | FclProjector, points: Array, projections: Array, distances: Array
+) -> Array:
     """The directions in which distances (m, o) of points (m, 3) grow, shape (m, o, 3)."""
     with np.errstate(invalid="ignore", divide="ignore"):
         outward = np.asarray((points[:, None] - projections) / distances[..., None])
-    for i, k in np.argwhere(np.abs(distances) <= ON_SURFACE):
+    on_surface = np.abs(distances) <= ON_SURFACE
+    for i, k in np.argwhere(on_surface) if on_surface.any() else ():
         steps = NUDGE * np.vstack([np.eye(3), -np.eye(3)])
         beside = obstacles(points[i] + steps)[1][:, k]
         slope = beside[:3] - beside[3:]
