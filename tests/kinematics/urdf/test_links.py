@@ -14,15 +14,15 @@ from kinematics.urdf.links import (
     MAX_LENGTH,
     MAX_MASS,
     PLATE,
-    read_link,
     read_origin,
 )
+from kinematics.urdf.urdf import parse_urdf
 
 
 def read(inside: str) -> tuple[LinkDescription, list[str]]:
     """A link "a" and what is odd about it."""
-    lint: list[str] = []
-    return read_link(fromstring(f'<link name="a">{inside}</link>'), lint), lint
+    robot = parse_urdf(f'<robot name="r"><link name="a">{inside}</link></robot>')
+    return robot.links["a"], list(robot.lint)
 
 
 def inertial(tensor: str, mass: str = "1") -> str:
@@ -144,6 +144,8 @@ def test_masses_and_moments_beyond_any_robot_are_refused() -> None:
     assert link.inertia is not None
     refused(inertial(body, f"{1.01 * MAX_MASS:g}"), "units")
     refused(inertial(body, "-1e-9"), "negative")
+    refused(inertial(body, "nan"), "finite")
+    refused(inertial(body.replace('ixx="1"', 'ixx="nan"')), "finite")
     refused(inertial(f'ixx="{1.01 * MAX_INERTIA:g}" iyy="1" izz="1"'), "units")
     refused(inertial(body.replace('izz="1"', f'izz="1" ixy="{-1.01 * MAX_INERTIA:g}"')), "units")
 
@@ -192,6 +194,8 @@ def test_scales_of_meshes_are_one_number_or_three(
         ('<mesh filename="a" scale=""/>', "3 number"),
         ('<mesh filename="a" scale="1 2"/>', "3 number"),
         ('<mesh filename="a" scale="0 1 1"/>', "is 0"),
+        ('<mesh filename="a" scale="1 nan 1"/>', "finite"),
+        ("<sphere/>", "'radius' of <sphere> of link 'a' is missing"),
         ('<mesh filename=" "/>', "no 'filename'"),
         ('<box size="1 1 -1"/>', "must be positive"),
         ('<box size="1 1"/>', "3 number"),
@@ -214,6 +218,7 @@ def test_solids_that_cannot_be_built_are_refused(geometry: str, words: str) -> N
 def test_two_geometries_elements_of_one_collision_are_refused() -> None:
     sphere = '<geometry><sphere radius="1"/></geometry>'
     refused(f"<collision>{sphere}{sphere}</collision>", "2 <geometry> elements")
+    refused("<collision/>", "geometry")
 
 
 @pytest.mark.parametrize(

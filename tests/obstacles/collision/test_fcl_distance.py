@@ -79,6 +79,10 @@ def test_distances_agree_with_coal(a: str, b: str) -> None:
         world.set_configuration(np.zeros(1))
         assert world.distance(0) == pytest.approx(expected, abs=2e-7)
         assert convex_distance(one, T_a, other, T_b) == pytest.approx(expected, abs=1e-6)
+        lower, upper = signed_distance(one, T_a, other, T_b)
+        assert lower <= expected + 1e-7
+        assert upper >= expected - 1e-7
+        assert upper - lower <= 1e-7
     assert apart
 
 

@@ -23,7 +23,7 @@ from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import HalfSpace
 from tests.obstacles.arms import builtin
 from tests.obstacles.collision.test_edge_check import clutter
-from tests.obstacles.solids import KINDS, NO_VERTICES, random_solid, random_transform
+from tests.obstacles.solids import KINDS, random_solid, random_transform
 from tests.planning.scenes import box
 
 
@@ -71,26 +71,6 @@ def off(point: Array, piece: Piece) -> float:
     """Signed distance of a point from a piece, by an independent expansion."""
     tiny = Piece(PieceKind.POLYTOPE, transform(None, point), np.zeros((1, 3)))
     return signed_distance(tiny, tiny.T_owner_piece, piece, piece.T_owner_piece)[0]
-
-
-def test_halfspaces_and_flat_pieces() -> None:
-    floor = Piece(PieceKind.HALFSPACE, transform(None, [0.0, 0.0, -1.0]), NO_VERTICES)
-    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[0.3, 0.2, -0.95]]), offset_radius=0.1)
-    for pair, up in (((floor, ball), -1.0), ((ball, floor), 1.0)):
-        distance, normal, point = found(*pair)
-        assert distance == pytest.approx(-0.05)
-        assert normal == pytest.approx([0.0, 0.0, up])
-        assert point == pytest.approx([0.3, 0.2, -1.05 if pair[1] is ball else -1.0])
-    one = Piece(
-        PieceKind.POLYTOPE, np.eye(4), np.array([[-1.0, 0, 0], [1, 0, 0]]), offset_radius=0.1
-    )
-    two = Piece(
-        PieceKind.POLYTOPE, np.eye(4), np.array([[0.0, -1, 0], [0, 1, 0]]), offset_radius=0.2
-    )
-    distance, normal, _ = found(one, two)
-    assert distance == pytest.approx(-0.3)
-    assert abs(normal) == pytest.approx([0.0, 0.0, 1.0])
-    assert found(ball, ball)[0] == pytest.approx(-0.2)
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -302,19 +302,3 @@ def test_boxes_right_beside_each_other_are_as_far_apart_as_their_faces(axis: int
     moved = box.placed(transform(None, 3.0 * np.eye(3)[axis]))
     assert distance(box, moved) == pytest.approx(2.8, abs=1e-9)
     assert distance(moved, box) == pytest.approx(2.8, abs=1e-9)
-
-
-@pytest.mark.parametrize("gap", [0.2, 1e-5, -0.05])
-def test_halfspaces_have_a_closed_form(gap: float) -> None:
-    (floor,) = HalfSpace(np.array([0.0, 0.0, 1.0]), 0.5).pieces()
-    (capsule,) = Capsule(0.1, 0.4).pieces()
-    raised = capsule.placed(transform(None, [1.0, 2.0, 0.5 + 0.3 + gap]))
-    assert distance(raised, floor) == pytest.approx(gap, abs=1e-12)
-    assert distance(floor, raised) == pytest.approx(gap, abs=1e-12)
-
-
-def test_overlaps_are_negative_by_their_depth() -> None:
-    (box,) = Box(np.full(3, 1.0)).pieces()
-    for depth in (0.01, 0.2, 0.5):
-        moved = box.placed(transform(None, [1.0 - depth, 0.0, 0.1]))
-        assert distance(box, moved) == pytest.approx(-depth, abs=1e-6)

@@ -21,7 +21,6 @@ from tests.obstacles.outline import convex_pieces
 from tests.obstacles.solids import (
     KINDS,
     NO_VERTICES,
-    coal_distance,
     random_solid,
     random_transform,
 )
@@ -43,24 +42,6 @@ def cylinder(radius: float, half_height: float) -> Piece:
 
 def cone(radius: float, half_height: float) -> Piece:
     return Piece(PieceKind.CONE, np.eye(4), NO_VERTICES, radius, half_height)
-
-
-@pytest.mark.parametrize(("a", "b"), list(itertools.combinations_with_replacement(KINDS, 2)))
-def test_agrees_with_coal_where_solids_are_apart(a: str, b: str) -> None:
-    random = np.random.default_rng(11)
-    apart = 0
-    for _ in range(12):
-        T_a, T_b = random_transform(random, 0.5), random_transform(random, 0.5)
-        (one, its), (other, theirs) = random_solid(random, a, T_a), random_solid(random, b, T_b)
-        expected = coal_distance(its, T_a, theirs, T_b)
-        if expected < 1e-6:
-            continue
-        apart += 1
-        lower, upper = signed_distance(one, T_a, other, T_b)
-        assert lower <= expected + 1e-7
-        assert upper >= expected - 1e-7
-        assert upper - lower <= 1e-7
-    assert apart
 
 
 def separating_axes(a: Array, T_a: Array, b: Array, T_b: Array) -> float:
