@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain, Limits, Link
@@ -15,6 +14,7 @@ from kinematics.robots import builtin_names, builtin_urdf
 from kinematics.tree.description import RobotDescription
 from kinematics.tree.serial_chain import select, serial_chain
 from kinematics.urdf.urdf import parse_urdf
+from tests.planning.pinocchio_arm import PinocchioArm
 
 #: An arm on a rail with what files have: a base above, odd axes, a gripper that mimics, a camera.
 TREE = """<?xml version="1.0"?>
@@ -225,44 +225,7 @@ def configurations(chain: Chain, count: int, seed: int = 3) -> list[Array]:
     return [*inside, lower, upper, np.zeros(chain.n)]
 
 
-class Reference:
+def reference(sample: Sample) -> PinocchioArm:
     """The same robot in pinocchio, everything off the chain held as the chain holds it."""
-
-    def __init__(self, sample: Sample) -> None:
-        self.chain = sample.chain()
-        self.model = pin.buildModelFromXML(sample.text)
-        self.data = self.model.createData()
-        self._held = dict(select(sample.description(), sample.base, sample.tip, sample.held).held)
-
-    def _configuration(self, q: Array) -> Array:
-        full = pin.neutral(self.model)
-        values = self._held | dict(zip(self.chain.joint_names, q, strict=True))
-        for name, value in values.items():
-            joint = self.model.joints[self.model.getJointId(name)]
-            if joint.nq == 2:
-                full[joint.idx_q : joint.idx_q + 2] = math.cos(value), math.sin(value)
-            else:
-                full[joint.idx_q] = value
-        return np.array(full)
-
-    def _frame(self, link: str) -> int:
-        return int(self.model.getFrameId(link, pin.FrameType.BODY))
-
-    def pose(self, q: Array, link: str) -> Array:
-        """T_root_link."""
-        pin.framesForwardKinematics(self.model, self.data, self._configuration(q))
-        base = self.data.oMf[self._frame(self.chain.root_link)]
-        return np.array((base.inverse() * self.data.oMf[self._frame(link)]).homogeneous)
-
-    def jacobian(self, q: Array, link: str) -> Array:
-        """Geometric Jacobian (6, n) in the root frame."""
-        full = self._configuration(q)
-        frame = self._frame(link)
-        J = pin.computeFrameJacobian(
-            self.model, self.data, full, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )
-        pin.framesForwardKinematics(self.model, self.data, full)
-        R = self.data.oMf[self._frame(self.chain.root_link)].rotation.T
-        joints = [self.model.joints[self.model.getJointId(n)] for n in self.chain.joint_names]
-        columns = J[:, [joint.idx_v for joint in joints]]
-        return np.array(np.vstack([R @ columns[:3], R @ columns[3:]]))
+    held = select(sample.description(), sample.base, sample.tip, sample.held).held
+    return PinocchioArm(urdf=sample.text, chain=sample.chain(), others=lambda _: held)

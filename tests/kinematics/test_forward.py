@@ -12,17 +12,17 @@ from kinematics.forward import forward, joint_frames, link_poses
 from kinematics.jacobian import geometric
 from kinematics.model.chain import JointType
 from kinematics.pose import rotation_z, transform
-from tests.kinematics.samples import Reference, Sample, configurations, random_chain, samples
+from tests.kinematics.samples import Sample, configurations, random_chain, reference, samples
 
 
 @pytest.mark.parametrize("sample", samples(), ids=lambda sample: sample.name)
 def test_every_link_stands_where_pinocchio_puts_it(sample: Sample) -> None:
-    reference = Reference(sample)
-    chain = reference.chain
+    arm = reference(sample)
+    chain = arm.chain
     for q in configurations(chain, 5):
         poses = link_poses(chain, q)
         for link, T in zip(chain.links, poses, strict=True):
-            np.testing.assert_allclose(T, reference.pose(q, link.name), atol=1e-12, rtol=0)
+            np.testing.assert_allclose(T, arm.pose(q, link.name), atol=1e-12, rtol=0)
         np.testing.assert_array_equal(forward(chain, q), poses[chain.index[chain.tip_link]])
 
 
@@ -42,13 +42,13 @@ def test_equals_the_product_of_the_joints() -> None:
 
 @pytest.mark.parametrize("sample", samples(), ids=lambda sample: sample.name)
 def test_batches_are_where_pinocchio_puts_them(sample: Sample) -> None:
-    reference = Reference(sample)
-    chain = reference.chain
+    arm = reference(sample)
+    chain = arm.chain
     q = np.array(list(configurations(chain, 21)))
     poses, tips = link_poses(chain, q), forward(chain, q)
     for k, row in enumerate(q):
         for link, T in zip(chain.links, poses[k], strict=True):
-            np.testing.assert_allclose(T, reference.pose(row, link.name), atol=1e-12, rtol=0)
+            np.testing.assert_allclose(T, arm.pose(row, link.name), atol=1e-12, rtol=0)
         np.testing.assert_array_equal(tips[k], poses[k, chain.index[chain.tip_link]])
         np.testing.assert_array_equal(poses[k], link_poses(chain, row))
 

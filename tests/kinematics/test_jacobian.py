@@ -9,7 +9,7 @@ from kinematics.forward import forward
 from kinematics.jacobian import analytic_zyz, geometric, manipulability
 from kinematics.model.chain import Chain
 from kinematics.pose import from_zyz, rotation_error, to_zyz
-from tests.kinematics.samples import Reference, Sample, configurations, random_chain, samples
+from tests.kinematics.samples import Sample, configurations, random_chain, reference, samples
 
 #: Central differences are off by step^2 (6e-10) and by rounding / step (1e-11).
 STEP = 1e-5
@@ -18,12 +18,12 @@ DIFFERENCE_TOLERANCE = 1e-8
 
 @pytest.mark.parametrize("sample", samples(), ids=lambda sample: sample.name)
 def test_equals_pinocchios(sample: Sample) -> None:
-    reference = Reference(sample)
-    chain = reference.chain
+    arm = reference(sample)
+    chain = arm.chain
     for q in configurations(chain, 3):
         for link in chain.links:
             J = geometric(chain, q, link.name)
-            np.testing.assert_allclose(J, reference.jacobian(q, link.name), atol=1e-12, rtol=0)
+            np.testing.assert_allclose(J, arm.jacobian(q, link.name), atol=1e-12, rtol=0)
 
 
 def differences(chain: Chain, q: Array, link: str, point: Array) -> Array:

@@ -3,10 +3,8 @@
 import pickle
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
-from kinematics.arrays import Array
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotDescription
 from kinematics.forward import forward, link_poses
 from kinematics.ik.inverse import inverse_kinematics
@@ -14,64 +12,10 @@ from kinematics.jacobian import geometric, geometric_rate, pose_and_jacobian
 from kinematics.model.chain import Chain, parents
 from kinematics.tree.serial_chain import select, serial_chain
 from kinematics.urdf.urdf import parse_urdf
-from tests.mimic_joints import ARM, MIMIC_JOINTS, configurations, mimic_positions, urdf
+from tests.mimic_joints import MIMIC_JOINTS, configurations, mimic_positions, urdf
+from tests.planning.pinocchio_arm import PinocchioArm
 
 CARRIED = ("crank", "rod", "cover", "flap", "piston", "drum")
-
-
-class Oracle:
-    """pinocchio's model of the tree, in which the mimic joints are joints like the others."""
-
-    def __init__(self) -> None:
-        self.model = pin.buildModelFromXML(urdf())
-        self.data = self.model.createData()
-
-    def _places(self, name: str) -> tuple[int, int]:
-        joint = self.model.joints[self.model.getJointId(name)]
-        return joint.idx_q, joint.idx_v
-
-    def configuration(self, q: Array) -> Array:
-        full = np.array(pin.neutral(self.model))
-        values = dict(zip([joint[0] for joint in ARM], q, strict=True)) | mimic_positions(q)
-        for name, value in values.items():
-            at, _ = self._places(name)
-            joint = self.model.joints[self.model.getJointId(name)]
-            if joint.nq == 2:
-                full[at : at + 2] = np.cos(value), np.sin(value)
-            else:
-                full[at] = value
-        return full
-
-    def matrix(self) -> Array:
-        """L with full velocities = L q_dot."""
-        L = np.zeros((self.model.nv, 6))
-        zero = mimic_positions(np.zeros(6))
-        for j, (name, *_) in enumerate(ARM):
-            L[self._places(name)[1], j] = 1.0
-            unit = mimic_positions(np.eye(6)[j])
-            for mimic, value in unit.items():
-                L[self._places(mimic)[1], j] = value - zero[mimic]
-        return L
-
-    def pose(self, q: Array, link: str) -> Array:
-        pin.framesForwardKinematics(self.model, self.data, self.configuration(q))
-        return np.array(self.data.oMf[self.model.getFrameId(link)].homogeneous)
-
-    def jacobian(self, q: Array, link: str) -> Array:
-        J = pin.computeFrameJacobian(
-            self.model, self.data, self.configuration(q), self.model.getFrameId(link),
-            pin.LOCAL_WORLD_ALIGNED,
-        )  # fmt: skip
-        return np.asarray(J @ self.matrix())
-
-    def jacobian_rate(self, q: Array, rates: Array, link: str) -> Array:
-        pin.computeJointJacobiansTimeVariation(
-            self.model, self.data, self.configuration(q), self.matrix() @ rates
-        )
-        pin.updateFramePlacements(self.model, self.data)
-        frame = self.model.getFrameId(link)
-        J = pin.getFrameJacobianTimeVariation(self.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED)
-        return np.asarray(J @ self.matrix())
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +24,9 @@ def chain() -> Chain:
 
 
 @pytest.fixture(scope="module")
-def oracle() -> Oracle:
-    return Oracle()
+def oracle(chain: Chain) -> PinocchioArm:
+    """The arm in pinocchio, in which the mimic joints are joints like the others."""
+    return PinocchioArm(urdf=urdf(), chain=chain, others=mimic_positions)
 
 
 def test_mimic_joints_of_the_chain(chain: Chain) -> None:
@@ -99,7 +44,9 @@ def test_mimic_joints_of_the_chain(chain: Chain) -> None:
 
 
 @pytest.mark.parametrize("link", [*CARRIED, "flange", "base"])
-def test_poses_and_jacobians_against_pinocchio(chain: Chain, oracle: Oracle, link: str) -> None:
+def test_poses_and_jacobians_against_pinocchio(
+    chain: Chain, oracle: PinocchioArm, link: str
+) -> None:
     rng = np.random.default_rng(3)
     states = configurations(20, 1)
     together = forward(chain, states, link)

@@ -1,7 +1,6 @@
 """Chains from work on a positioner to the tip of an arm beside it, against pinocchio."""
 
 import numpy as np
-import pinocchio
 import pytest
 
 from dynamics.terms import gravity_vector
@@ -11,6 +10,7 @@ from kinematics.robots import builtin_urdf
 from kinematics.root_frame import frame_names, frame_pose
 from kinematics.tree.serial_chain import select, serial_chain
 from kinematics.urdf.urdf import parse_urdf
+from tests.planning.pinocchio_arm import PinocchioArm
 
 # A slide, a tilting axis and a turning one, none of them through the origin of the next.
 CELL = """<link name="floor"/><link name="sledge"/><link name="cradle"/><link name="table"/>
@@ -45,18 +45,11 @@ def test_links_stand_to_the_work_where_pinocchio_has_them(urdf: str) -> None:
     assert chain.joint_names[:3] == ("turn", "tilt", "slide")
     assert chain.n == 9
     assert {link.name for link in chain.links} == set(description.links)
-    model = pinocchio.buildModelFromXML(urdf)
-    data = model.createData()
-    order = [model.joints[model.getJointId(name)].idx_q for name in chain.joint_names]
+    arm = PinocchioArm(urdf=urdf, chain=chain)
     rng = np.random.default_rng(3)
     for values in rng.uniform(-0.5, 0.5, (20, chain.n)):
-        q = np.zeros(model.nq)
-        q[order] = values
-        pinocchio.framesForwardKinematics(model, data, q)
-        T_root_work = data.oMf[model.getFrameId("work")]
         for link, T in zip(chain.links, link_poses(chain, values), strict=True):
-            expected = T_root_work.actInv(data.oMf[model.getFrameId(link.name)])
-            np.testing.assert_allclose(T, expected.homogeneous, atol=1e-12)
+            np.testing.assert_allclose(T, arm.pose(values, link.name), atol=1e-12)
 
 
 def test_a_part_of_the_positioner_may_be_held(urdf: str) -> None:

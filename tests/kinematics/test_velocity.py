@@ -1,7 +1,6 @@
 """Velocity kinematics against pinocchio, scipy's pseudo-inverse and differences."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
@@ -9,46 +8,22 @@ from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.jacobian import geometric, geometric_rate, pose_and_jacobian
 from kinematics.model.chain import Chain
-from kinematics.robots import builtin_chain, builtin_names, builtin_urdf
+from kinematics.robots import builtin_chain, builtin_names
 from kinematics.velocity import DAMPED_BELOW, joint_velocities, link_twist, singular_directions
 from tests.kinematics.samples import configurations, random_chain
+from tests.planning.pinocchio_arm import PinocchioArm
 
 STEP = 1e-5
 
 
-def model(name: str) -> tuple[pin.Model, pin.Data]:
-    built = pin.buildModelFromXML(builtin_urdf(name))
-    return built, built.createData()
-
-
 @pytest.mark.parametrize("name", [name for name in builtin_names() if name != "cart_pendulum"])
-def test_twist_is_pinocchios(name: str) -> None:
-    chain = builtin_chain(name)
-    robot, data = model(name)
-    rng = np.random.default_rng(0)
-    for q in configurations(chain, 5):
-        rates = rng.normal(size=chain.n)
-        pin.forwardKinematics(robot, data, q, rates)
-        pin.updateFramePlacements(robot, data)
-        frame = robot.getFrameId(chain.tip_link)
-        twist = pin.getFrameVelocity(robot, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        np.testing.assert_allclose(link_twist(chain, q, rates), twist.vector, atol=1e-12)
-
-
-@pytest.mark.parametrize("name", ["panda", "ur5e", "stanford", "scara"])
-def test_jacobian_rate_is_pinocchios(name: str) -> None:
-    chain = builtin_chain(name)
-    robot, data = model(name)
-    rng = np.random.default_rng(1)
-    frame = robot.getFrameId(chain.tip_link)
-    for q in configurations(chain, 5):
-        rates = rng.normal(size=chain.n)
-        pin.computeJointJacobiansTimeVariation(robot, data, q, rates)
-        pin.updateFramePlacements(robot, data)
-        expected = pin.getFrameJacobianTimeVariation(
-            robot, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )
-        np.testing.assert_allclose(geometric_rate(chain, q, rates), expected, atol=1e-11)
+def test_twist_and_jacobian_rate_are_pinocchios(name: str) -> None:
+    arm, rng = PinocchioArm(name), np.random.default_rng(0)
+    for q in configurations(arm.chain, 5):
+        rates = rng.normal(size=arm.chain.n)
+        twist, rate = arm.twist(q, rates), arm.jacobian_rate(q, rates)
+        np.testing.assert_allclose(link_twist(arm.chain, q, rates), twist, atol=1e-12)
+        np.testing.assert_allclose(geometric_rate(arm.chain, q, rates), rate, atol=1e-11)
 
 
 def test_jacobian_rate_equals_differences_at_any_point_of_any_link() -> None:

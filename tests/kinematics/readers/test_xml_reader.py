@@ -129,7 +129,8 @@ def test_a_bomb_of_entities_is_refused_at_once() -> None:
     ["", " ", "robot", "<robot", "<robot>", "<robot></link>", "<robot/><robot/>",
      "<robot a='1' a='2'/>", "<robot>&unknown;</robot>", "<a:robot/>", b"\xff\xfe",
      b"<robot name='\xff'/>", b"\xff\xfe\x00", "\ufeff",
-     '<?xml version="1.0" encoding="utf-32"?><robot/>', "<robot name='\x00'/>", "<robot/>\x00", '<?xml version="1.0" encoding="none"?><robot/>'],
+     '<?xml version="1.0" encoding="utf-32"?><robot/>', "<robot name='\x00'/>",
+     "<robot/>\x00", '<?xml version="1.0" encoding="none"?><robot/>'],
 )  # fmt: skip
 def test_text_that_is_not_well_formed_is_refused(text: str | bytes) -> None:
     data = text if isinstance(text, bytes) else text.encode()

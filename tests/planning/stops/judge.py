@@ -77,10 +77,9 @@ class CoalArm:
         urdf: str,
         robot: RobotGeometry,
         scene: Scene,
-        mimic: Callable[[Array], Mapping[str, Array]] | None = None,
+        mimic: Callable[[Array], Mapping[str, Array | float]] = lambda _: {},
     ) -> None:
-        self._arm = PinocchioArm(urdf=urdf, chain=robot.chain)
-        self._mimic = mimic
+        self._arm = PinocchioArm(urdf=urdf, chain=robot.chain, others=mimic)
         model = self._arm.model
         self.solids = pin.buildGeomFromUrdfString(model, urdf, pin.GeometryType.COLLISION)
         joints = dict(zip(robot.links, robot.joints.tolist(), strict=True))
@@ -108,7 +107,7 @@ class CoalArm:
 
     def overlaps(self, states: Array) -> Array:
         """Whether anything overlaps, of configurations (k, n)."""
-        whole = self._arm.configurations(states, self._mimic(states) if self._mimic else None)
+        whole = self._arm.configurations(states)
         return np.asarray(pin.computeCollisionsInParallel(1, self._pool, whole, True))
 
 

@@ -3,7 +3,6 @@
 from dataclasses import fields, replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
@@ -21,7 +20,7 @@ from kinematics.pose import (
     rotation_z,
     transform,
 )
-from kinematics.robots import builtin_chain, builtin_urdf
+from kinematics.robots import builtin_chain
 from tests.kinematics.ik.arms import (
     GENERAL,
     apart,
@@ -31,6 +30,7 @@ from tests.kinematics.ik.arms import (
     reversed_arm,
 )
 from tests.kinematics.samples import random_rotation
+from tests.planning.pinocchio_arm import PinocchioArm
 
 ARMS = ("ur5e", "kr6_sixx", "puma560", "elbow_wrist", "panda", "iiwa14")
 
@@ -60,9 +60,7 @@ def test_forms_of_the_built_in_arms(name: str) -> None:
 @pytest.mark.parametrize("name", ARMS)
 def test_every_pose_has_its_own_branch_and_all_are_right(name: str) -> None:
     chain = builtin_chain(name)
-    model = pin.buildModelFromXML(builtin_urdf(name))
-    data = model.createData()
-    frame = model.getFrameId(chain.tip_link)
+    arm = PinocchioArm(name)
     rng = np.random.default_rng(1)
     lower, upper = chain.sampling_bounds()
     for _ in range(150):
@@ -74,8 +72,7 @@ def test_every_pose_has_its_own_branch_and_all_are_right(name: str) -> None:
         labels = [found.label(i) for i in range(len(found.table))]
         assert len(set(labels)) == len(labels)
         for solution in found.joints:
-            pin.framesForwardKinematics(model, data, solution)
-            reached = np.array(data.oMf[frame].homogeneous)
+            reached = arm.pose(solution)
             assert np.linalg.norm(reached[:3, 3] - T[:3, 3]) < 1e-9
             assert np.linalg.norm(rotation_error(reached[:3, :3], T[:3, :3])) < 1e-9
 

@@ -1,7 +1,6 @@
 """Numeric inverse kinematics, verified by pinocchio and by limits, and where it gives up."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -22,8 +21,9 @@ from kinematics.ik.numeric.numeric import (
 )
 from kinematics.model.chain import Chain, Limits
 from kinematics.pose import from_axis_angle, inverse, rotation_error, rotation_z, transform
-from kinematics.robots import builtin_chain, builtin_names, builtin_urdf
+from kinematics.robots import builtin_chain, builtin_names
 from tests.kinematics.samples import random_chain, random_rotation
+from tests.planning.pinocchio_arm import PinocchioArm
 
 SIX = ("panda", "ur5e", "iiwa14", "kr6_sixx", "puma560", "stanford", "elbow_wrist")
 
@@ -32,16 +32,9 @@ def inside(chain: Chain, q: Array) -> bool:
     return bool((q >= chain.limits.lower).all() and (q <= chain.limits.upper).all())
 
 
-def pinocchio_pose(name: str, q: Array, link: str) -> Array:
-    model = pin.buildModelFromXML(builtin_urdf(name))
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, q)
-    return np.array(data.oMf[model.getFrameId(link)].homogeneous)
-
-
 @pytest.mark.parametrize("name", SIX)
 def test_every_reachable_pose_is_reached_inside_the_limits(name: str) -> None:
-    chain = builtin_chain(name)
+    chain, arm = builtin_chain(name), PinocchioArm(name)
     random = np.random.default_rng(1)
     lower, upper = chain.sampling_bounds()
     for k in range(150):
@@ -57,7 +50,7 @@ def test_every_reachable_pose_is_reached_inside_the_limits(name: str) -> None:
         assert result.solutions, (name, k, result.nearest, result.advice)
         solution = result.solutions[0]
         assert inside(chain, solution.joints)
-        reached = pinocchio_pose(name, solution.joints, chain.tip_link)
+        reached = arm.pose(solution.joints)
         assert np.linalg.norm(reached[:3, 3] - target[:3, 3]) <= 1.01e-6
         assert np.linalg.norm(rotation_error(reached[:3, :3], target[:3, :3])) <= 1.01e-6
 

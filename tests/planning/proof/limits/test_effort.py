@@ -1,43 +1,17 @@
 """Bounds of torque and tool speed, against pinocchio at dense samples of whole motions."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from dynamics.model.payload import with_payload
-from kinematics.arrays import Array
 from kinematics.model.chain import Chain
-from kinematics.robots import builtin_chain, builtin_urdf
+from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory, stay
 from planning.proof.limits.effort import effort_uses, tool_speed_use, torque_use
 from planning.values.limits import EffortLimits
+from tests.planning.pinocchio_arm import PinocchioArm
 
 NAMES = ["panda", "ur5e", "kr6_sixx"]
-
-
-class Arm:
-    """Torques and tip velocities by pinocchio; fingers are held at 0."""
-
-    def __init__(self, name: str) -> None:
-        whole = pin.buildModelFromXML(builtin_urdf(name))
-        n = builtin_chain(name).n
-        extra = list(range(n + 1, whole.njoints))
-        self.model = pin.buildReducedModel(whole, extra, pin.neutral(whole))
-        self.data = self.model.createData()
-
-    def torques(self, q: Array, v: Array, a: Array) -> Array:
-        return np.array(
-            [pin.rnea(self.model, self.data, *row).copy() for row in zip(q, v, a, strict=True)]
-        )
-
-    def speeds(self, chain: Chain, q: Array, v: Array) -> Array:
-        frame = self.model.getFrameId(chain.tip_link)
-        speeds = []
-        for row, rate in zip(q, v, strict=True):
-            pin.forwardKinematics(self.model, self.data, row, rate)
-            pin.updateFramePlacements(self.model, self.data)
-            speeds.append(pin.getFrameVelocity(self.model, self.data, frame).linear.copy())
-        return np.asarray(np.linalg.norm(np.array(speeds), axis=1))
 
 
 def motion_of(chain: Chain, random: np.random.Generator) -> Trajectory:
@@ -48,7 +22,7 @@ def motion_of(chain: Chain, random: np.random.Generator) -> Trajectory:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_bounds_lie_above_pinocchio_and_near_it(name: str) -> None:
-    chain, arm, random = builtin_chain(name), Arm(name), np.random.default_rng(4)
+    chain, arm, random = builtin_chain(name), PinocchioArm(name), np.random.default_rng(4)
     for _ in range(3):
         motion = motion_of(chain, random)
         # The pieces do not meet: each is looked at up to its end.
@@ -58,16 +32,16 @@ def test_bounds_lie_above_pinocchio_and_near_it(name: str) -> None:
                 for a, b in zip(motion.breaks[:-1], motion.breaks[1:], strict=True)
             ]
         )
-        q, v, a = (motion.sample(times, order) for order in range(3))
+        v, a = (motion.sample(times, order) for order in (1, 2))
         effort = random.uniform(5.0, 100.0, chain.n)
         friction, motor = chain.viscous_friction * v, chain.motor_inertia * a
-        ratios = np.abs(arm.torques(q, v, a) + friction + motor) / effort
+        ratios = np.abs(arm.torques(motion, times) + friction + motor) / effort
         use = torque_use(chain, motion, effort)
         assert ratios.max() <= use.ratio * (1.0 + 1e-9)
         assert use.ratio <= 1.005 * ratios.max()
         assert use.reached <= use.ratio
         assert use.joint == int(np.argmax(ratios.max(axis=0)))
-        speeds = arm.speeds(chain, q, v)
+        speeds = arm.tip_speeds(motion, times)
         bound = tool_speed_use(chain, motion, 0.5)
         assert speeds.max() / 0.5 <= bound.ratio * (1.0 + 1e-9)
         assert bound.ratio <= 1.005 * speeds.max() / 0.5
@@ -93,8 +67,7 @@ def test_what_is_carried_counts() -> None:
     still = stay(chain.joint_names, q)
     effort = np.full(chain.n, 100.0)
     bare, heavy = (torque_use(robot, still, effort).ratio for robot in (chain, loaded))
-    model = Arm("ur5e")
-    torques = model.torques(q[None], 0.0 * q[None], 0.0 * q[None])
+    torques = PinocchioArm("ur5e").torque(q, 0.0 * q, 0.0 * q)
     assert bare == pytest.approx(np.abs(torques).max() / 100.0, rel=1e-6)
     assert heavy > bare + 0.05
 
