@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, joint_frames
+from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_srdf, builtin_urdf
 from kinematics.tree.description import (
     BoxGeometry,
@@ -99,17 +101,11 @@ STANDARD: dict[str, Table] = {
 
 
 def rotation(axis: str, angle: float) -> Array:
-    T = np.eye(4)
-    c, s = np.cos(angle), np.sin(angle)
-    i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
-    T[i, i], T[i, j], T[j, i], T[j, j] = c, -s, s, c
-    return T
+    return transform(Rotation.from_euler(axis, angle).as_matrix())
 
 
 def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Array:
-    T = np.eye(4)
-    T[:3, 3] = x, y, z
-    return T
+    return transform(None, [x, y, z])
 
 
 #: Frame 0 of the table in the robot's base frame, and the tip in the table's last frame.

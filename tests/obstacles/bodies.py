@@ -83,9 +83,9 @@ def small_torus() -> trimesh.Trimesh:
     return trimesh.creation.torus(0.02, 0.008, major_sections=8, minor_sections=6)
 
 
-def hollow_box() -> list[trimesh.Trimesh]:
-    """A box with a cavity: the wall is from 0.3 to 0.6 m about the origin."""
-    outer, inner = trimesh.creation.box([1.2] * 3), trimesh.creation.box([0.6] * 3)
+def hollow_box(outside: float = 1.2, inside: float = 0.6) -> list[trimesh.Trimesh]:
+    """A box with a cavity, both about the origin, by their sizes [m]."""
+    outer, inner = trimesh.creation.box([outside] * 3), trimesh.creation.box([inside] * 3)
     inner.invert()
     return [outer, inner]
 

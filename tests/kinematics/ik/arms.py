@@ -99,3 +99,9 @@ def calibrated(chain: Chain, size: float, rng: np.random.Generator) -> Chain:
 def apart(a: Array, b: Array) -> Array:
     """Largest difference of angles, whole turns aside, over the last axis."""
     return np.asarray(np.abs((a - b + np.pi) % (2 * np.pi) - np.pi).max(axis=-1))
+
+
+def random_joints(chain: Chain, count: int, seed: int) -> Array:
+    """Configurations inside the limits, shape (count, n)."""
+    lower, upper = chain.sampling_bounds()
+    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.n))

@@ -5,24 +5,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.ik.closed_form.analytic import closed_form, parameter
 from kinematics.ik.inverse import METHODS, IkOptions, inverse_kinematics, parameter_grid
 from kinematics.ik.ranking import RANKINGS
-from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain
-from tests.kinematics.ik.arms import general_arm
+from tests.kinematics.ik.arms import general_arm, random_joints
 
 FAR = transform(None, [9.0, 0.0, 0.0])
-
-
-def random_joints(chain: Chain, count: int, seed: int) -> Array:
-    """Configurations inside the limits."""
-    lower, upper = chain.sampling_bounds()
-    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.n))
 
 
 # ------------------------------------------------------------------------------------- options

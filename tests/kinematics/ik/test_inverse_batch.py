@@ -3,19 +3,12 @@
 import numpy as np
 import pytest
 
-from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.ik.inverse import IkOptions, inverse_kinematics, inverse_kinematics_batch
-from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain
-
-
-def random_joints(chain: Chain, count: int, seed: int) -> Array:
-    """Configurations inside the limits, shape (count, n)."""
-    lower, upper = chain.sampling_bounds()
-    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.n))
+from tests.kinematics.ik.arms import random_joints
 
 
 @pytest.mark.parametrize("robot", ["ur5e", "kr6_sixx", "panda", "iiwa14"])

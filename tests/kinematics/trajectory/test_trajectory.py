@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory.polynomial import (
-    sample_kernel,
     shift_kernel,
     unit_roots_kernel,
 )
@@ -116,7 +115,6 @@ def test_ends_are_sampled_and_times_beyond_them_refused() -> None:
     )
     np.testing.assert_array_equal(trajectory.start, [0.0, 1.0])
     np.testing.assert_allclose(trajectory.end, [0.5, 1.0], atol=1e-16)
-    assert trajectory.sample([0.1], 1)[0, 0] == 2.0
     for times in ([-1e-6], [0.300001], [np.nan], [[0.0]]):
         with pytest.raises(InvalidOption, match="outside"):
             trajectory.sample(times)
@@ -427,20 +425,9 @@ def test_a_double_root_is_answered_where_it_is_or_not_at_all() -> None:
             assert all(np.abs(found - other).min() < 1e-9 for other in places[1:])
 
 
-# ------------------------------------------------------------------------------------- bounds
-
-
-# ------------------------------------------------------------------------------------- pieces
-
-
 def test_samples_at_a_break_are_of_the_piece_that_begins_there() -> None:
-    breaks = np.array([0.0, 1.0, 3.0])
-    coefficients = np.array([[[0.0, 1.0]], [[10.0, 2.0]]])
+    motion = made(("joint",), [0.0, 1.0, 3.0], [[[0.0, 1.0]], [[10.0, 2.0]]])
     times = np.array([0.0, 1.0, 0.999, 3.0, 1.0, 0.0, 2.0])
-    values = np.full((7, 1), np.nan)
-    sample_kernel(breaks, coefficients, times, 0, values)
-    np.testing.assert_allclose(values[:, 0], [0.0, 10.0, 0.999, 14.0, 10.0, 0.0, 12.0])
-    sample_kernel(breaks, coefficients, times, 1, values)
-    np.testing.assert_allclose(values[:, 0], [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0])
-    sample_kernel(breaks, coefficients, times, 2, values)
-    assert not values.any()
+    np.testing.assert_allclose(motion.sample(times)[:, 0], [0, 10, 0.999, 14, 10, 0, 12])
+    np.testing.assert_allclose(motion.sample(times, 1)[:, 0], [1, 2, 1, 2, 2, 1, 2])
+    assert not motion.sample(times, 2).any()

@@ -13,6 +13,7 @@ from obstacles.kept_files import keep_files_in, written_files
 from obstacles.meshes import decomposition
 from obstacles.meshes.convex_cover import ConvexPart
 from obstacles.meshes.decomposition import convex_pieces, overhang
+from tests.obstacles.bodies import hollow_box
 
 
 def ell(arm: float = 1.0, thickness: float = 0.2) -> trimesh.Trimesh:
@@ -116,11 +117,7 @@ def ring() -> trimesh.Trimesh:
 
 def room() -> trimesh.Trimesh:
     """A box with walls: its inner side is turned inside out."""
-    inner = trimesh.creation.box([1.8, 1.8, 1.8])
-    inner.invert()
-    joined = trimesh.util.concatenate([trimesh.creation.box([2.0, 2.0, 2.0]), inner])
-    assert isinstance(joined, trimesh.Trimesh)
-    return joined
+    return trimesh.util.concatenate(hollow_box(2.0, 1.8))
 
 
 def spiky(seed: int) -> trimesh.Trimesh:

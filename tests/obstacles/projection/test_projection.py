@@ -26,6 +26,8 @@ from obstacles.shapes.shape import (
     Shape,
     Sphere,
 )
+from tests.obstacles.arms import mesh_shape
+from tests.obstacles.bodies import hollow_box
 from tests.obstacles.solids import random_transform
 
 #: What the kernels are held to [m], for solids and points within a few metres.
@@ -160,16 +162,9 @@ def room(points: Array) -> Array:
     return np.asarray(outer & ~inner)
 
 
-def walls() -> trimesh.Trimesh:
-    """A box with a hollow inside: its inner surface looks inwards."""
-    inner = trimesh.creation.box([0.4] * 3)
-    inner.invert()
-    return trimesh.util.concatenate([trimesh.creation.box([0.6] * 3), inner])
-
-
 @pytest.mark.parametrize(("body", "inside"), [
     (trimesh.creation.annulus(0.15, 0.3, 0.1, sections=256), ring),
-    (walls(), room),
+    (trimesh.util.concatenate(hollow_box(0.6, 0.4)), room),
 ])  # fmt: skip
 def test_hollows_of_meshes_are_not_filled(
     body: trimesh.Trimesh, inside: Callable[[Array], Array]
@@ -230,14 +225,6 @@ _DISTANCE = 1e-8
 _POINT = 2e-4
 
 
-def in_frame(T: Array, p: Array) -> Array:
-    return np.asarray(inverse(T)[:3, :3] @ p + inverse(T)[:3, 3])
-
-
-def out_of_frame(T: Array, p: Array) -> Array:
-    return np.asarray(T[:3, :3] @ p + T[:3, 3])
-
-
 def onto_box(shape: Shape, p: Array) -> Array:
     assert isinstance(shape, Box)
     return np.clip(p, -shape.size / 2.0, shape.size / 2.0)
@@ -272,7 +259,8 @@ def test_outside_it_is_the_closed_form(
         obstacle = Obstacle("it", shape, random_transform(random, 1.0))
         p = random.uniform(-1.5, 1.5, 3)
         T = obstacle.T_world_obstacle
-        expected = out_of_frame(T, closed_form(shape, in_frame(T, p)))
+        R, at = T[:3, :3], T[:3, 3]
+        expected = R @ closed_form(shape, R.T @ (p - at)) + at
         projections, distances = FclProjector([obstacle])(p[None])
         if distances[0, 0] <= 0.0:
             continue
@@ -304,21 +292,9 @@ def test_both_engines_agree(kind: str) -> None:
 
 def tube() -> Mesh:
     """A square tube, open at its ends: not convex."""
-    inner, outer = 0.2, 0.3
-    square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], dtype=float)
-    rings = [
-        np.column_stack([size * square, np.full(4, z)])
-        for size in (inner, outer)
-        for z in (-0.5, 0.5)
-    ]
-    faces = []
-    for i in range(4):
-        j = (i + 1) % 4
-        for a, b, turned in ((0, 4, True), (8, 12, False), (0, 8, False), (4, 12, True)):
-            quad = [a + i, a + j, b + j, b + i]
-            quad = quad[::-1] if turned else quad
-            faces += [quad[:3], [quad[0], quad[2], quad[3]]]
-    return Mesh(np.vstack(rings), np.array(faces))
+    turn = trimesh.transformations.rotation_matrix(np.pi / 4.0, [0.0, 0.0, 1.0])
+    inner, outer = 0.2 * np.sqrt(2.0), 0.3 * np.sqrt(2.0)
+    return mesh_shape(trimesh.creation.annulus(inner, outer, 1.0, transform=turn, sections=4))
 
 
 def test_meshes_that_are_not_convex_are_asked_about_by_triangles() -> None:
@@ -339,16 +315,12 @@ def test_meshes_that_are_not_convex_are_asked_about_by_triangles() -> None:
 
 
 def test_what_is_too_far_may_be_left_out() -> None:
-    scene = Scene((Obstacle("near", Sphere(0.1)), Obstacle("far", Sphere(0.1), shifted(3.0))))
+    scene = Scene(
+        (Obstacle("near", Sphere(0.1)), Obstacle("far", Sphere(0.1), transform(None, [3.0, 0, 0])))
+    )
     projections, distances = FclProjector(scene)([[0.3, 0.0, 0.0]], np.array([0.5]))
     assert distances[0] == pytest.approx([0.2, np.inf], abs=1e-9)
     assert np.isnan(projections[0, 1]).all()
-
-
-def shifted(x: float) -> Array:
-    T = np.eye(4)
-    T[0, 3] = x
-    return T
 
 
 def test_points_are_checked() -> None:

@@ -36,8 +36,9 @@ from planning.constraints.solvers.active_set_program import (
 )
 from planning.values import deadline as deadlines
 from planning.values.deadline import Deadline
+from tests.obstacles.arms import mesh_shape
 from tests.obstacles.collision.test_fcl_distance import slide
-from tests.obstacles.distance.triangles.test_distance import apart, mesh
+from tests.obstacles.distance.triangles.test_distance import apart
 from tests.obstacles.meshes.test_decomposition import ring
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin, pillar, shelf
@@ -270,7 +271,7 @@ def test_deadlines_are_kept_where_one_descent_takes_longer(monkeypatch: pytest.M
     monkeypatch.setattr(deadlines, "time", clock)
     monkeypatch.setattr(ik, "time", clock)
     places = [forward(CHAIN, q) for q in starts(4)]
-    rings = tuple(Obstacle(f"ring{k}", mesh(ring()), T) for k, T in enumerate(places))
+    rings = tuple(Obstacle(f"ring{k}", mesh_shape(ring()), T) for k, T in enumerate(places))
     scene = Scene(rings)
     Checker.of(ROBOT, scene, 0.0)
     # Kernels are loaded and meshes packed before the clock counts.
@@ -289,7 +290,7 @@ def test_deadlines_are_kept_where_one_descent_takes_longer(monkeypatch: pytest.M
 
 UR5E_ROBOT = builtin("ur5e")
 #: A ring on a rail along x whose hole is 0.398 m wide, and a ball that has 28 mm to spare in it.
-RING = slide(*mesh(ring()).pieces())
+RING = slide(*mesh_shape(ring()).pieces())
 BALL = Scene((Obstacle("ball", Sphere(0.37)),))
 
 

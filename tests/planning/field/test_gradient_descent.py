@@ -29,14 +29,6 @@ ACROSS = np.array([0.0, 1.0])
 pytestmark = pytest.mark.parametrize("engine", ["exact", "fcl"])
 
 
-def test_where_the_straight_line_is_free_it_has_arrived_at_once(engine: str) -> None:
-    slide = Slide(engine, [0.0, 0.0], [0.5, 0.3])
-    assert slide.go(10) == Outcome.ARRIVED
-    np.testing.assert_array_equal(slide.visited, [[0.0, 0.0], [0.5, 0.3]])
-    assert slide.iterations == 0
-    assert slide.potentials.tolist() == pytest.approx([0.17, 0.0])
-
-
 def test_steps_of_their_own_size_grow_while_they_lower_the_potential(engine: str) -> None:
     slide = Slide(engine, [-0.9, 0.0], [0.9, 0.0], connect=False, longest_step=0.4)
     slide.descent.step = 0.02
@@ -107,20 +99,6 @@ def test_where_the_force_vanishes_is_a_local_minimum(engine: str, tolerance: flo
     assert rest(slide.visited[-1, 0]) <= tolerance
     # Nowhere before it.
     assert min(rest(x) for x in slide.visited[:-1, 0]) > tolerance
-
-
-def test_it_goes_on_where_it_stopped(engine: str) -> None:
-    options: dict[str, Any] = {
-        "connect": False, "step_sizes": [0.1, 0.05, 0.2], "tolerance": 1e-9
-    }  # fmt: skip
-    whole = Slide(engine, [-0.5, 0.3], [0.9, 0.3], **options)
-    parts = Slide(engine, [-0.5, 0.3], [0.9, 0.3], **options)
-    assert whole.go(9) == Outcome.GOING
-    for until in (1, 2, 5, 9):
-        assert parts.go(until) == Outcome.GOING
-        assert parts.iterations == until
-    np.testing.assert_array_equal(parts.visited, whole.visited)
-    np.testing.assert_array_equal(parts.potentials, whole.potentials)
 
 
 def test_a_walk_goes_across_by_longest_steps_before_the_descent(engine: str) -> None:

@@ -26,8 +26,10 @@ from obstacles.robots.robot_geometry import RobotGeometry, hulled, robot_geometr
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Mesh
 from planning.proof.certificate import certify
-from tests.obstacles.distance.triangles.test_distance import random_pose, tube
+from tests.obstacles.arms import mesh_shape
+from tests.obstacles.distance.triangles.test_distance import tube
 from tests.obstacles.meshes.test_decomposition import ell, ring, room
+from tests.obstacles.solids import random_transform
 
 #: Largest joint change between two looks [rad or m], and FCL's units in a metre.
 STEP, UNITS = 3e-3, 1e3
@@ -85,6 +87,18 @@ def arm_text() -> str:
 
 def own_bytes(name: str) -> bytes:
     return bytes(FILES[name].export(file_type="stl"))
+
+
+def cart() -> tuple[str, RobotGeometry]:
+    """A bent bar on a slide: its URDF, and the robot."""
+    text = (
+        '<robot name="cart"><link name="rail"/><link name="cart"><collision><geometry>'
+        '<mesh filename="upper.stl"/></geometry></collision></link>'
+        '<joint name="slide" type="prismatic"><axis xyz="1 0 0"/><parent link="rail"/>'
+        '<child link="cart"/><limit lower="-2" upper="2" velocity="9" effort="1"/></joint></robot>'
+    )
+    description = parse_urdf(text)
+    return text, robot_geometry(serial_chain(description), description, own_bytes)
 
 
 def real_bytes(uri: str) -> bytes:
@@ -176,19 +190,15 @@ class Judge:
         )
 
 
-def as_mesh(solid: trimesh.Trimesh) -> Mesh:
-    return Mesh(np.array(solid.vertices), np.array(solid.faces, dtype=np.int64))
-
-
 def hollows(random: np.random.Generator, reach: float) -> Iterator[Obstacle]:
     """Rings, tubes, a room and bent bars about an arm."""
     for k, solid in enumerate(2 * (ring(), tube(), room(), ell(0.8))):
         small = solid.copy()
         small.apply_scale(0.6 / np.linalg.norm(small.extents))
-        T = random_pose(random, 0.0)
+        T = random_transform(random, 0.0)
         turn, away = random.uniform(-np.pi, np.pi), reach * random.uniform(0.5, 1.0)
         T[:3, 3] = away * np.cos(turn), away * np.sin(turn), reach * random.uniform(0.0, 0.8)
-        yield Obstacle(f"thing{k}", as_mesh(small), T)
+        yield Obstacle(f"thing{k}", mesh_shape(small), T)
 
 
 def motion_from(robot: RobotGeometry, q: Array, random: np.random.Generator) -> Trajectory:
@@ -248,7 +258,7 @@ def test_a_fork_that_grazes_along_a_rail_is_certified(spare: float) -> None:
     bar = trimesh.creation.box([0.12 - 2.0 * spare, 1.0, 0.1])
     for aside, floor in ((0.0, 0.02), (0.9 * spare, 0.02), (1.1 * spare, 0.02), (0.0, 0.0)):
         T = transform(None, [aside, 0.0, 0.05 + floor + (spare if floor else -spare)])
-        scene = Scene((Obstacle("bar", as_mesh(bar), T),))
+        scene = Scene((Obstacle("bar", mesh_shape(bar), T),))
         along = Trajectory(("slide",), np.array([0.0, 1.0]), np.array([[[-0.4, 0.8]]]))
         judge = Judge(text, own_bytes, robot, scene)
         proof = certify(along, robot, scene)
@@ -263,18 +273,11 @@ def test_a_fork_that_grazes_along_a_rail_is_certified(spare: float) -> None:
 
 def test_a_wall_thinner_than_a_step_is_not_passed() -> None:
     """A tube of a tenth of a millimetre: a peg inside moves in it, and never through it."""
-    text = (
-        '<robot name="cart"><link name="rail"/><link name="cart"><collision><geometry>'
-        '<mesh filename="upper.stl"/></geometry></collision></link>'
-        '<joint name="slide" type="prismatic"><axis xyz="1 0 0"/><parent link="rail"/>'
-        '<child link="cart"/><limit lower="-2" upper="2" velocity="9" effort="1"/></joint></robot>'
-    )
-    description = parse_urdf(text)
-    robot = robot_geometry(serial_chain(description), description, own_bytes)
+    text, robot = cart()
     sheet = trimesh.creation.annulus(0.5, 0.5001, 1.5, sections=48)
     open_sheet = trimesh.Trimesh(sheet.vertices, sheet.faces[::2], process=False)
     for solid in (sheet, open_sheet):
-        scene = Scene((Obstacle("tube", as_mesh(solid), transform(None, [0.0, 0.0, 0.2])),))
+        scene = Scene((Obstacle("tube", mesh_shape(solid), transform(None, [0.0, 0.0, 0.2])),))
         for ends, free in (((-0.1, 0.1), True), ((0.9, 1.9), True), ((0.0, 1.5), False)):
             line = np.array([[[ends[0], ends[1] - ends[0]]]])
             motion = Trajectory(("slide",), np.array([0.0, 1.0]), line)

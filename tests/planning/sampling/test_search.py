@@ -1,20 +1,17 @@
 """Every planner by its name: proved paths, goals, budgets, deadlines, repeatability; roadmaps."""
 
 import itertools
-import math
 import time
 
 import numpy as np
 import pytest
-from ompl import geometric, util
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from planning.result import Attempt
 from planning.sampling import search as module
-from planning.sampling import search as search_module
 from planning.sampling.planners import PLANNERS, planner_by_name
-from planning.sampling.search import Roadmap, Watch, problem, sample, solution, state_of
+from planning.sampling.search import Roadmap, Watch, sample
 from planning.values.deadline import Deadline
 from tests.planning.sampling.world import ENCLOSED, GOAL, SHORTEST, START, WALL, plane
 from tests.planning.scenes import HOME, builtin, pillar, shelf
@@ -219,69 +216,11 @@ def test_without_edges_there_is_no_path_and_repeated_edges_count_once() -> None:
     np.testing.assert_array_equal(path, [a, b])
 
 
-OVER = np.array([0.0, 1.0])
-
-
-def test_edges_are_counted_proved_and_kept() -> None:
-    information, _, edges = problem(plane(), WALL, START, [GOAL], Deadline.after(100.0))
-    space = information.getStateSpace()
-    start, goal, over = (state_of(space, q) for q in (START, GOAL, OVER))
-    assert not edges.checkMotion(start, goal), "the wall is between them"
-    assert edges.checkMotion(start, over)
-    edges.proved = []
-    assert edges.checkMotion(over, goal)
-    assert not edges.checkMotion(start, goal)
-    assert edges.count == 4
-    ((a, b),) = edges.proved
-    np.testing.assert_array_equal([a, b], [OVER, GOAL])
-    assert edges.state_valid(start)
-    assert not edges.state_valid(state_of(space, np.array([0.0, 0.0])))
-
-
-def test_a_solution_is_a_path_that_ends_at_the_goal() -> None:
-    util.RNG.setSeed(1)
-    information, definition, _ = problem(plane(), WALL, START, [GOAL], Deadline.after(100.0))
-    assert solution(definition, 2) is None
-    states = [state_of(information.getStateSpace(), q) for q in (START, OVER, GOAL)]
-    path = geometric.PathGeometric(information)
-    for state in states:
-        path.append(state)
-    definition.addSolutionPath(path, True, 0.3, "approximate")
-    assert solution(definition, 2) is None, "a path that ends near the goal is none"
-    definition.clearSolutionPaths()
-    definition.addSolutionPath(path)
-    answer = solution(definition, 2)
-    assert answer is not None
-    np.testing.assert_array_equal(answer, [START, OVER, GOAL])
-
-
 LATER = 1000.0
 
 
-class Edges:
-    """A count of edges that a test sets."""
-
-    count = 0
-
-    def __call__(self) -> int:
-        return self.count
-
-
-@pytest.mark.parametrize("rule", ["share", "turn"])
-def test_a_run_without_a_path_ends_with_its_share(rule: str) -> None:
-    edges = Edges()
-    share, turn = (5.0, math.inf) if rule == "share" else (math.inf, 1.0)
-    watch = Watch(Deadline.after(LATER), edges, share=share, turn=turn)
-    edges.count = 5
-    assert watch()
-    assert watch.reason == "share"
-    going_on = Watch(Deadline.after(LATER), edges, share=share, turn=turn)
-    going_on.note(2.0)
-    assert not going_on(), "a run that has a path goes on for a shorter one"
-
-
 def test_memory_is_looked_at_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
-    watch = Watch(Deadline.after(LATER), Edges())
+    watch = Watch(Deadline.after(LATER), lambda: 0)
     full = watch.memory + module.MAX_MEMORY
     monkeypatch.setattr(module, "resident", lambda: full)
     assert not any(watch() for _ in range(2000)), "just full is not too full"
@@ -313,7 +252,7 @@ def test_seeds_differ() -> None:
 
 def test_trees_that_take_long_are_started_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     alone = [sampled(seed) for seed in range(3)]
-    monkeypatch.setattr(search_module, "_FIRST_BUDGET", 8)
+    monkeypatch.setattr(module, "_FIRST_BUDGET", 8)
     robot = builtin("panda")
     checker = Checker.of(robot, POST)
     arguments = ("rrt_connect", robot.chain, checker, LEFT, [RIGHT])

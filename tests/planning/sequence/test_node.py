@@ -1,4 +1,4 @@
-"""Nodes, record, candidates and steps of the search for a task."""
+"""Candidates, hints and steps of the search for a task."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from planning.result import Failure
-from planning.sequence.node import Node, TargetFinder
-from planning.sequence.record import Blame, Check, Record, hint_of
+from planning.sequence.node import TargetFinder
+from planning.sequence.record import hint_of
 from planning.sequence.result import StagePlan
 from planning.sequence.stage import (
     Grasp,
@@ -22,48 +22,14 @@ from planning.sequence.step import (
     least_travel,
     plan_step,
 )
-from planning.sequence.target import Candidates, Outcome, Target, Verdict
+from planning.sequence.target import Outcome
 from planning.sequence.task import Task
 from planning.sequence.world import Cells
 from planning.timing.rest_to_rest import passing_time
 from planning.values.deadline import Deadline
 from tests.planning.sequence import crate
 
-GRIPS = crate.grasps(2)
 LATER = Deadline.after(1e6)
-
-
-_NONE = np.zeros((0, 7))
-
-
-def _candidates(**outcomes: Verdict) -> Candidates:
-    found = {int(name.removeprefix("n")): outcome for name, outcome in outcomes.items()}
-    return Candidates((), _NONE, found)
-
-
-def _root() -> Node:
-    return Node(None, 0, crate.world(), crate.HOME, {})
-
-
-def _child(root: Node, number: int, stage: int) -> Node:
-    target = Target(number, None, crate.HOME, None)
-    grasp = Grasp("crate", crate.grasps(2))
-    world = crate.world()
-    step = Step(stage, grasp, "none", world, world, {}, crate.HOME, crate.HOME)
-    return Node(root, 1, world, crate.HOME, {}, target, [step])
-
-
-def test_what_cuts_off_the_rest_is_to_blame_and_not_the_deepest_stage_looked_at() -> None:
-    record, root = Record(), _root()
-    # Two grasps fail at late stages before any path, the third passes and finds no free motion.
-    record.note_candidates((0,), 7, _candidates(n0=Verdict(Outcome.OUT_OF_REACH)), Check.PLACE)
-    record.note_failure(_child(root, 1, 2), 9, "no retreat")
-    assert record.blame() == Blame(9, "no retreat", 1, {})
-    record.note_failure(_child(root, 2, 2), 4, "touches", Check.STILL_OR_STRAIGHT)
-    assert record.blame() == Blame(4, "touches", 1, {})
-    for _ in range(2):
-        record.note_failure(_child(root, 3, 2), 0, "no path", Check.FREE)
-    assert record.blame() == Blame(0, "no path", 2, {})
 
 
 @pytest.mark.parametrize(
@@ -75,18 +41,6 @@ def test_what_touches_is_cured_by_naming_what_may_touch(reason: str) -> None:
 
 def _finder(*stages: Grasp | Move) -> TargetFinder:
     return TargetFinder(Task(crate.world(), crate.HOME, stages), Cells())
-
-
-def test_batches_are_spread_over_the_list_and_hold_it_all() -> None:
-    far = np.tile(np.eye(4), (600, 1, 1))
-    far[:, 2, 3] = 3.0 + 1e-3 * np.arange(600)
-    finder = _finder(Grasp("crate", far))
-    assert finder.batches(0) == 3
-    seen = [set(finder.find(0, crate.world(), b, {}, LATER).outcomes) for b in range(3)]
-    assert [min(numbers) for numbers in seen] == [0, 1, 2]
-    assert all(max(numbers) > 590 for numbers in seen)
-    assert sorted(number for numbers in seen for number in numbers) == list(range(600))
-    assert _finder(Grasp("crate", far[:256])).batches(0) == 1
 
 
 def test_links_that_may_touch_the_object_may_at_its_grasps() -> None:

@@ -14,9 +14,7 @@ import trimesh
 
 from kinematics.pose import transform
 from kinematics.trajectory.trajectory import Trajectory
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.urdf.urdf import parse_urdf
-from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Cone, HalfSpace, Sphere
 from planning.options import Options
@@ -26,11 +24,11 @@ from planning.proof.certificate import certify
 from planning.result import Plan
 from planning.witness.compact import MAGIC, packed
 from planning.witness.witness import witness
+from tests.obstacles.arms import mesh_shape
 from tests.planning.proof.test_certificate_meshes import (
-    as_mesh,
+    cart,
     hollows,
     motion_from,
-    own_bytes,
 )
 from tests.planning.scenes import builtin, pillar, shelf
 from tests.planning.stops.motions import arm
@@ -123,16 +121,9 @@ def meshes(count: int) -> tuple[Proved, ...]:
 @cache
 def peg_in_tube() -> Proved:
     """A bent bar that slides in a tube of one thin sheet."""
-    text = (
-        '<robot name="cart"><link name="rail"/><link name="cart"><collision><geometry>'
-        '<mesh filename="upper.stl"/></geometry></collision></link>'
-        '<joint name="slide" type="prismatic"><axis xyz="1 0 0"/><parent link="rail"/>'
-        '<child link="cart"/><limit lower="-2" upper="2" velocity="9" effort="1"/></joint></robot>'
-    )
-    description = parse_urdf(text)
-    robot = robot_geometry(serial_chain(description), description, own_bytes)
+    _, robot = cart()
     sheet = trimesh.creation.annulus(0.43, 0.4301, 1.5, sections=48)
-    scene = Scene((Obstacle("tube", as_mesh(sheet), transform(None, [0.0, 0.0, 0.2])),))
+    scene = Scene((Obstacle("tube", mesh_shape(sheet), transform(None, [0.0, 0.0, 0.2])),))
     line = np.array([[[-0.1, 0.2]]])
     motion = Trajectory(("slide",), np.array([0.0, 1.0]), line)
     return Proved(motion, robot, scene, witness(motion, robot, scene).document)

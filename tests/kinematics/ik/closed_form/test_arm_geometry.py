@@ -14,6 +14,9 @@ from kinematics.model.dh_table import DhRow, DhTable
 from kinematics.robots import builtin_chain
 
 ARMS = ["elbow_wrist", "puma560", "kr6_sixx", "ur5e"]
+_ROWS = (DhRow("revolute", d=0.4, alpha=np.pi / 2), DhRow("revolute", a=0.5),
+         DhRow("revolute", a=0.35))  # fmt: skip
+ARTICULATED = chain_from_dh("articulated", DhTable("standard", _ROWS))
 
 
 @pytest.mark.parametrize("name", ARMS)
@@ -57,7 +60,7 @@ def test_straight_wrists_stretched_elbows_and_wrists_above_axis_1_are_singular()
     assert sides is not None
     assert [side.singular for side in sides] == [(), ("wrist",)]
     assert sides[1].wrist is None
-    for name in ("puma560", "kr6_sixx", "ur5e", "elbow_wrist"):
+    for name in ARMS:
         arm = builtin_chain(name)
         for joint in range(6):
             rows = np.tile(q, (720, 1))
@@ -153,9 +156,7 @@ def test_the_four_solutions_of_the_stanford_arm_have_four_sides() -> None:
 
 
 def test_three_joints_have_a_shoulder_and_an_elbow() -> None:
-    rows = (DhRow("revolute", d=0.4, alpha=np.pi / 2), DhRow("revolute", a=0.5),
-            DhRow("revolute", a=0.35))  # fmt: skip
-    chain = chain_from_dh("articulated", DhTable("standard", rows))
+    chain = ARTICULATED
     q = np.array([0.3, 0.7, -1.1])
     swing = np.arctan2(0.35 * np.sin(q[2]), 0.5 + 0.35 * np.cos(q[2]))
     other = np.array([q[0], q[1] + 2.0 * swing, -q[2]])
@@ -181,18 +182,20 @@ def test_arms_of_other_shapes_have_no_sides() -> None:
     assert arm_sides(panda, np.zeros((1, 7)), "panda_link0") is None
 
 
-@pytest.mark.parametrize("name", ["elbow_wrist", "puma560", "kr6_sixx", "ur5e"])
+@pytest.mark.parametrize("name", [*ARMS, "panda", "iiwa14"])
 def test_out_of_reach_is_where_there_is_no_branch(name: str) -> None:
+    """Of seven joints no branch of any parameter."""
     chain = builtin_chain(name)
-    rng = np.random.default_rng(5)
+    parameters = np.linspace(-3.1, 3.1, 60) if chain.n == 7 else None
+    rng = np.random.default_rng(9 if chain.n == 7 else 5)
     near = far = 0
-    for q in rng.uniform(-3.0, 3.0, (60, 6)):
+    for q in rng.uniform(-3.0, 3.0, (60, chain.n)):
         T = forward(chain, q)
         assert out_of_reach(chain, T) == pytest.approx(0.0, abs=1e-9)
         T[:3, 3] *= rng.uniform(0.05, 2.5)
         gap = out_of_reach(chain, T)
         assert gap is not None
-        assert (len(branches(chain, T).joints) == 0) == (gap > 1e-9)
+        assert (len(branches(chain, T, parameters=parameters).joints) == 0) == (gap > 1e-9)
         near, far = near + (gap == 0.0), far + (gap > 0.0)
     assert min(near, far) > 5
 
@@ -207,23 +210,6 @@ def test_the_gap_of_a_stretched_arm_is_the_way_beyond_it() -> None:
     b = np.linalg.norm(W - frames[2, :3, 3])
     T[:3, 3] += frames[1, :3, 3] + [a + b + 0.123, 0.0, 0.0] - W
     assert out_of_reach(chain, T) == pytest.approx(0.123, abs=1e-9)
-
-
-@pytest.mark.parametrize("name", ["panda", "iiwa14"])
-def test_seven_joints_are_out_of_reach_where_no_parameter_has_a_branch(name: str) -> None:
-    chain = builtin_chain(name)
-    rng = np.random.default_rng(9)
-    near = far = 0
-    for q in rng.uniform(-3.0, 3.0, (60, 7)):
-        T = forward(chain, q)
-        assert out_of_reach(chain, T) == pytest.approx(0.0, abs=1e-9)
-        T[:3, 3] *= rng.uniform(0.05, 2.5)
-        gap = out_of_reach(chain, T)
-        assert gap is not None
-        found = branches(chain, T, parameters=np.linspace(-3.1, 3.1, 60)).joints
-        assert (len(found) == 0) == (gap > 1e-9)
-        near, far = near + (gap == 0.0), far + (gap > 0.0)
-    assert min(near, far) > 5
 
 
 def test_the_gap_of_a_planar_arm() -> None:
@@ -260,9 +246,7 @@ def test_the_shoulder_offset_of_the_stanford_arm_bounds_its_reach() -> None:
 
 
 def test_the_position_of_three_joints() -> None:
-    rows = (DhRow("revolute", d=0.4, alpha=np.pi / 2), DhRow("revolute", a=0.5),
-            DhRow("revolute", a=0.35))  # fmt: skip
-    chain = chain_from_dh("articulated", DhTable("standard", rows))
+    chain = ARTICULATED
     target = np.eye(4)
     target[:3, 3] = [0.6, 0.8, 0.4]
     position: tuple[Axis, ...] = ("x", "y", "z")

@@ -12,7 +12,7 @@ from kinematics.model.chain import Chain
 from kinematics.pose import inverse
 from kinematics.robots import builtin_chain
 from tests.kinematics.ik import symmetries
-from tests.kinematics.ik.arms import GENERAL, general_arm, reversed_arm
+from tests.kinematics.ik.arms import GENERAL, general_arm, random_joints, reversed_arm
 from tests.kinematics.ik.symmetries import distance, labels, regular_cases, wrapped
 
 KINDS = [kind for kind in GENERAL if kind.startswith("spherical")]
@@ -163,11 +163,6 @@ def arm_angle(chain: Chain, q: Array) -> float:
     r = r / np.linalg.norm(r) if np.linalg.norm(r) > 1e-8 else np.array([0.0, 1.0, 0.0])
     z = np.sign(np.sin(q[3])) * F[3, :3, 2]
     return float(np.arctan2(z @ np.cross(s, r), z @ r))
-
-
-def random_joints(chain: Chain, count: int, seed: int) -> Array:
-    lower, upper = chain.sampling_bounds()
-    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.n))
 
 
 def test_the_parameter_is_the_arm_angle() -> None:

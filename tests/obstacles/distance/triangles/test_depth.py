@@ -11,16 +11,16 @@ from kinematics.pose import inverse, transform
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, HalfSpace, Shape, Sphere
+from tests.obstacles.arms import mesh_shape
 from tests.obstacles.collision.test_fcl_distance import slide
 from tests.obstacles.distance.triangles.test_distance import (
     BODIES,
     apart,
     bowl,
-    mesh,
-    random_pose,
     small,
 )
 from tests.obstacles.meshes.test_decomposition import ell, ring, spiky
+from tests.obstacles.solids import random_transform
 
 
 def depth(body: Shape, obstacle: Obstacle) -> float:
@@ -50,11 +50,11 @@ def test_no_random_way_out_is_much_shorter(name: str) -> None:
     looked = shorter = 0
     while looked < 4:
         shape, other = small(random)
-        T = random_pose(random, 0.5)
+        T = random_transform(random, 0.5)
         if apart(body, np.eye(4), other, T) > 0.0:
             continue
         looked += 1
-        found = depth(mesh(body), Obstacle("it", shape, T))
+        found = depth(mesh_shape(body), Obstacle("it", shape, T))
         for u in directions(random, 8):
             assert not apart_once_moved(body, 0.4 * found * u, other, T)
             shorter += apart_once_moved(body, 0.8 * found * u, other, T)
@@ -65,9 +65,9 @@ def test_the_wall_of_a_bowl_is_not_as_deep_as_its_hollow() -> None:
     ball = trimesh.creation.icosphere(3, 0.1)
     for sunk in (1e-4, 0.004, 0.03):
         at = transform(None, [0.0, 0.0, -(0.4 + sunk)])
-        told = depth(mesh(bowl()), Obstacle("ball", Sphere(0.1), at))
+        told = depth(mesh_shape(bowl()), Obstacle("ball", Sphere(0.1), at))
         assert told == pytest.approx(sunk, rel=0.05, abs=2e-3)
-        told = depth(mesh(ball), Obstacle("bowl", mesh(bowl()), inverse(at)))
+        told = depth(mesh_shape(ball), Obstacle("bowl", mesh_shape(bowl()), inverse(at)))
         assert told == pytest.approx(sunk, rel=0.05, abs=2e-3)
 
 
@@ -75,12 +75,12 @@ def test_a_peg_against_the_inside_of_a_ring() -> None:
     inner = 0.4  # of a torus of radii 0.6 and 0.2, whose facets reach a little further out
     for sunk in (0.002, 0.02):
         at = transform(None, [inner + sunk - 0.05, 0.0, 0.0])
-        assert depth(mesh(ring()), Obstacle("peg", Sphere(0.05), at)) < sunk + 0.01
+        assert depth(mesh_shape(ring()), Obstacle("peg", Sphere(0.05), at)) < sunk + 0.01
 
 
 def test_what_lies_inside_has_to_come_out() -> None:
     body = spiky(3)
-    told = depth(mesh(body), Obstacle("in", Sphere(0.01)))
+    told = depth(mesh_shape(body), Obstacle("in", Sphere(0.01)))
     assert told > 0.01
     for u in directions(np.random.default_rng(0), 40):
         ball = trimesh.creation.icosphere(2, 0.01)
@@ -91,9 +91,9 @@ def test_a_floor_and_margins() -> None:
     corners = np.array(ell(0.8).vertices)
     lowest = float(corners[:, 2].min())
     floor = Obstacle("floor", HalfSpace(np.array([0.0, 0.0, 1.0]), lowest + 0.07), margin=0.01)
-    assert depth(mesh(ell(0.8)), floor) == pytest.approx(0.08, abs=1e-9)
+    assert depth(mesh_shape(ell(0.8)), floor) == pytest.approx(0.08, abs=1e-9)
     high = float(corners[:, 0].max())
     box = Obstacle(
         "box", Box(np.array([0.2, 4.0, 4.0])), transform(None, [high + 0.1 - 0.003, 0.0, 0.0]), 0.01
     )
-    assert depth(mesh(ell(0.8)), box) == pytest.approx(0.013, rel=0.02)
+    assert depth(mesh_shape(ell(0.8)), box) == pytest.approx(0.013, rel=0.02)

@@ -12,7 +12,6 @@ import pytest
 import trimesh
 
 from kinematics.arrays import Array
-from kinematics.pose import from_axis_angle, transform
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -22,11 +21,11 @@ from obstacles.shapes.shape import (
     Capsule,
     Cylinder,
     HalfSpace,
-    Mesh,
     PointCloud,
     Shape,
     Sphere,
 )
+from tests.obstacles.arms import mesh_shape
 from tests.obstacles.collision.test_fcl_distance import slide
 from tests.obstacles.meshes.test_decomposition import (
     ell,
@@ -37,12 +36,9 @@ from tests.obstacles.meshes.test_decomposition import (
     table,
     windings,
 )
+from tests.obstacles.solids import random_transform
 
 UNITS = 1e3
-
-
-def mesh(body: trimesh.Trimesh) -> Mesh:
-    return Mesh(np.array(body.vertices), np.array(body.faces, dtype=np.int64))
 
 
 def tube() -> trimesh.Trimesh:
@@ -103,20 +99,15 @@ def apart(a: trimesh.Trimesh, T_a: Array, b: trimesh.Trimesh, T_b: Array) -> flo
     return max(float(distance), 0.0) / UNITS
 
 
-def random_pose(random: np.random.Generator, reach: float) -> Array:
-    turn = from_axis_angle(random.normal(size=3), random.uniform(0.0, np.pi))
-    return transform(turn, random.normal(size=3) * reach)
-
-
 def small(random: np.random.Generator) -> tuple[Shape, trimesh.Trimesh]:
     size = float(random.uniform(0.02, 0.4))
     kind = int(random.integers(3))
     if kind == 0:
         return Box(np.array([size, 0.5 * size, 0.2])), trimesh.creation.box([size, 0.5 * size, 0.2])
     if kind == 1:
-        return mesh(spiky(5)), spiky(5)
+        return mesh_shape(spiky(5)), spiky(5)
     body = ell(size)
-    return mesh(body), body
+    return mesh_shape(body), body
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -126,8 +117,8 @@ def test_verdict_and_distance_are_those_of_the_triangles(name: str) -> None:
     touched = free = 0
     for k in range(24):
         shape, other = small(random)
-        T = random_pose(random, 0.5)
-        inner, outer = (mesh(body), shape) if k % 2 else (shape, mesh(body))
+        T = random_transform(random, 0.5)
+        inner, outer = (mesh_shape(body), shape) if k % 2 else (shape, mesh_shape(body))
         robot, scene = slide(*inner.pieces()), Scene((Obstacle("it", outer, T),))
         at = np.zeros(1)
         own, still = (body, other) if k % 2 else (other, body)
@@ -159,11 +150,12 @@ def clearance_at(robot: RobotGeometry, obstacle: Obstacle, x: float) -> float:
 
 @pytest.mark.parametrize("peg", [
     Sphere(0.05), Capsule(0.05, 0.3), Cylinder(0.05, 2.0), Box(np.array([0.05, 0.05, 3.0])),
-    PointCloud(np.array([[0.0, 0.0, 0.1 * k] for k in range(-5, 6)]), 0.05), mesh(ell(0.1, 0.03)),
+    PointCloud(np.array([[0.0, 0.0, 0.1 * k] for k in range(-5, 6)]), 0.05),
+    mesh_shape(ell(0.1, 0.03)),
 ])  # fmt: skip
 def test_a_peg_in_a_ring_is_free_until_it_meets_the_ring(peg: Shape) -> None:
     for body, half in ((ring(), 0.4), (tube(), 0.2)):
-        robot = slide(*mesh(body).pieces())
+        robot = slide(*mesh_shape(body).pieces())
         obstacle = Obstacle("peg", peg)
         assert clearance_at(robot, obstacle, 0.0) > 0.0
         assert clearance_at(robot, obstacle, half) <= 0.0
@@ -176,23 +168,23 @@ def test_a_peg_in_a_ring_is_free_until_it_meets_the_ring(peg: Shape) -> None:
 
 @pytest.mark.parametrize("inner", [
     Sphere(0.01), Box(np.array([0.02, 0.02, 0.02])), PointCloud(np.zeros((1, 3)), 1e-3),
-    mesh(ell(0.02)), Cylinder(0.01, 0.01),
+    mesh_shape(ell(0.02)), Cylinder(0.01, 0.01),
 ])  # fmt: skip
 def test_what_is_inside_without_touching_collides(inner: Shape) -> None:
     body = spiky(3)
-    robot = slide(*mesh(body).pieces())
+    robot = slide(*mesh_shape(body).pieces())
     assert clearance_at(robot, Obstacle("in", inner), 0.0) <= 0.0
     assert FclWorld(robot, Scene((Obstacle("in", inner),))).collisions(np.zeros(1))
     held = slide(*inner.pieces())
-    assert clearance_at(held, Obstacle("around", mesh(body)), 0.0) <= 0.0
-    assert FclWorld(held, Scene((Obstacle("around", mesh(body)),))).collisions(np.zeros(1))
+    assert clearance_at(held, Obstacle("around", mesh_shape(body)), 0.0) <= 0.0
+    assert FclWorld(held, Scene((Obstacle("around", mesh_shape(body)),))).collisions(np.zeros(1))
     checker = Checker.of(robot, Scene((Obstacle("in", inner),)))
     assert not checker.free(np.array([-1e-3]), np.array([1e-3]))
 
 
 def test_a_room_is_free_inside() -> None:
     robot = slide(*Sphere(0.2).pieces())
-    walls = Obstacle("room", mesh(room()))
+    walls = Obstacle("room", mesh_shape(room()))
     for x in (0.0, 0.3, -0.69):
         assert clearance_at(robot, walls, x) == pytest.approx(0.7 - abs(x), abs=1e-7)
     assert clearance_at(robot, walls, 0.71) <= 0.0
@@ -204,7 +196,7 @@ def test_a_room_is_free_inside() -> None:
 
 
 def test_margins_are_kept_from_triangles() -> None:
-    robot = slide(*mesh(ring()).pieces())
+    robot = slide(*mesh_shape(ring()).pieces())
     for margin in (0.0, 0.1, 0.3):
         for asked in (0.0, 0.05):
             peg = Obstacle("peg", Sphere(0.05), margin=margin)
@@ -216,7 +208,7 @@ def test_margins_are_kept_from_triangles() -> None:
 
 
 def test_a_floor_is_met_by_the_triangles_of_a_bowl() -> None:
-    robot = slide(*mesh(bowl()).pieces())
+    robot = slide(*mesh_shape(bowl()).pieces())
     for height in (-0.6, -0.51, -0.49, 0.1):
         floor = Obstacle("floor", HalfSpace(np.array([0.0, 0.0, 1.0]), height))
         clearance = clearance_at(robot, floor, 0.0)
@@ -227,7 +219,7 @@ def test_a_floor_is_met_by_the_triangles_of_a_bowl() -> None:
 
 
 def test_gradients_are_those_of_the_nearest_triangles() -> None:
-    robot = slide(*mesh(ring()).pieces())
+    robot = slide(*mesh_shape(ring()).pieces())
     checker = Checker.of(robot, Scene((Obstacle("peg", Sphere(0.05)),)))
     for x in (0.1, -0.2):
         near = checker.gradient(np.array([x]), 1.0)

@@ -12,9 +12,11 @@ from obstacles.collision.checker import Checker, Motion
 from obstacles.convex.piece import Piece
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
+from tests.obstacles.arms import mesh_shape
 from tests.obstacles.collision.test_fcl_distance import slide
-from tests.obstacles.distance.triangles.test_distance import apart, bowl, mesh, random_pose, tube
+from tests.obstacles.distance.triangles.test_distance import apart, bowl, tube
 from tests.obstacles.meshes.test_decomposition import ell, ring, spiky
+from tests.obstacles.solids import random_transform
 
 
 def torus() -> trimesh.Trimesh:
@@ -28,8 +30,8 @@ def motion_through(body: trimesh.Trimesh, height: float) -> Motion:
     """A ball with bumps is led through a body, that much off its axis."""
     peg = spiky(5)
     peg.apply_scale(0.1)
-    scene = Scene((Obstacle("body", mesh(body), transform(np.eye(3), [0.3, 0.0, height])),))
-    checker = Checker.of(slide(*mesh(peg).pieces()), scene)
+    scene = Scene((Obstacle("body", mesh_shape(body), transform(np.eye(3), [0.3, 0.0, height])),))
+    checker = Checker.of(slide(*mesh_shape(peg).pieces()), scene)
     return checker.segment(np.array([-2.0]), np.array([2.0]))
 
 
@@ -54,11 +56,11 @@ def test_motions_proved_free_keep_the_triangles_apart(name: str) -> None:
     peg = spiky(5)
     peg.apply_scale(0.12)
     random = np.random.default_rng(11)
-    robot, kinds = slide(*mesh(peg).pieces()), np.zeros(2, dtype=np.int64)
+    robot, kinds = slide(*mesh_shape(peg).pieces()), np.zeros(2, dtype=np.int64)
     for _ in range(18):
-        T = random_pose(random, 0.25)
+        T = random_transform(random, 0.25)
         a, b = np.sort(random.uniform(-0.8, 0.8, 2))
-        checker = Checker.of(robot, Scene((Obstacle("it", mesh(body), T),)))
+        checker = Checker.of(robot, Scene((Obstacle("it", mesh_shape(body), T),)))
         motion = checker.segment(np.array([a]), np.array([b]))
         places = np.linspace(a, b, 24)
         near = [apart(peg, transform(np.eye(3), [x, 0.0, 0.0]), body, T) for x in places]
@@ -97,12 +99,12 @@ def test_turns_proved_free_keep_the_triangles_apart() -> None:
     """Parts of a mesh go less far than its farthest corner: what is proved of them holds, too."""
     body, peg = ring(), spiky(3)
     peg.apply_scale(0.2)
-    robot, random = turning(*mesh(peg).pieces()), np.random.default_rng(12)
+    robot, random = turning(*mesh_shape(peg).pieces()), np.random.default_rng(12)
     near_ones = colliding = 0
     for _ in range(40):
         q = random.uniform(-1.0, 1.0, 2)
-        T = hand_at(robot, q) @ random_pose(random, 0.12)
-        checker = Checker.of(robot, Scene((Obstacle("it", mesh(body), T),)))
+        T = hand_at(robot, q) @ random_transform(random, 0.12)
+        checker = Checker.of(robot, Scene((Obstacle("it", mesh_shape(body), T),)))
         end = q + random.uniform(-0.5, 0.5, 2)
         if not checker.valid(q):
             continue

@@ -14,12 +14,13 @@ from planning.proof.certificate import certify
 from planning.proof.collision import collision_proof
 from planning.proof.collision.collision_proof import CollisionProof
 from planning.proof.collision.pair_table import PairTable
+from tests.obstacles.arms import mesh_shape
 from tests.obstacles.collision.test_fcl_distance import slide
-from tests.obstacles.distance.triangles.test_distance import apart, mesh
+from tests.obstacles.distance.triangles.test_distance import apart
 from tests.obstacles.meshes.test_decomposition import ring
 
 #: A ring whose hole has a radius of 0.398 m at least; what covers it leaves less.
-ROBOT = slide(*mesh(ring()).pieces())
+ROBOT = slide(*mesh_shape(ring()).pieces())
 #: Radius of a ball that has nearly three centimetres to spare there [m].
 RADIUS = 0.37
 
@@ -96,7 +97,7 @@ def test_convex_robots_are_swept_once(tables: list[int | None]) -> None:
 def test_a_mesh_of_the_scene_is_swept_as_a_cover_first(
     y: float, made: list[int | None], tables: list[int | None]
 ) -> None:
-    scene = Scene((Obstacle("ring", mesh(ring()), transform(None, [0.0, y, 0.0])),))
+    scene = Scene((Obstacle("ring", mesh_shape(ring()), transform(None, [0.0, y, 0.0])),))
     assert certify(along(0.0, 0.01), slide(*Sphere(RADIUS).pieces()), scene).verified
     assert tables == made
 
@@ -106,7 +107,7 @@ def test_of_many_triangles_only_covers_that_do_not_stay_apart_are_opened(
 ) -> None:
     """The ball meets what covers the ring on one side of its hole, and is led past it."""
     monkeypatch.setattr(collision_proof, "_FEW_TRIANGLES", 100)
-    covers = len(mesh(ring()).pieces())
+    covers = len(mesh_shape(ring()).pieces())
     for reach, verified in ((0.36, True), (0.39, False)):
         tables.clear()
         scene = ball(reach * np.cos(0.4), reach * np.sin(0.4), 0.0, 0.02)

@@ -12,10 +12,11 @@ from obstacles.shapes.shape import Box, HalfSpace, PointCloud, Sphere
 from planning.proof.certificate import certify
 from planning.proof.collision.pair_table import HOLDER, PairTable, any_pairs
 from planning.proof.violation import Violation
+from tests.obstacles.arms import mesh_shape
 from tests.obstacles.collision.model.test_collision_model import mixed
 from tests.obstacles.shapes.test_primitives import random_scene
 from tests.planning.proof.collision.test_proposals import scattered
-from tests.planning.proof.test_certificate_meshes import as_mesh, fork
+from tests.planning.proof.test_certificate_meshes import fork
 from tests.planning.scenes import HOME, builtin
 
 PANDA = builtin("panda")
@@ -31,7 +32,7 @@ def scene_of_each(allowed: frozenset[tuple[str, str]] = frozenset()) -> Scene:
                 PointCloud(np.random.default_rng(0).normal(size=(40, 3)), 0.01),
                 transform(None, [0.0, 2.0, 0.0]),
             ),
-            Obstacle("mesh", as_mesh(fork()), transform(None, [0.0, -1.0, 0.4])),
+            Obstacle("mesh", mesh_shape(fork()), transform(None, [0.0, -1.0, 0.4])),
             Obstacle("ball", Sphere(0.1), transform(None, [-0.7, 0.0, 0.5])),
         ),
         allowed,
