@@ -119,10 +119,17 @@ class PinocchioArm:
 
     def torques(self, motion: Trajectory, times: Array) -> Array:
         """Joint torques of a motion at instants, shape (k, n)."""
-        states = (motion.sample(times, order) for order in range(3))
-        return np.array([self.torque(*state) for state in zip(*states, strict=True)])
+        return self.torques_at(*(motion.sample(times, order) for order in range(3)))
+
+    def torques_at(self, q: Array, qd: Array, qdd: Array) -> Array:
+        """Joint torques in states, shape (k, n)."""
+        return np.array([self.torque(*state) for state in zip(q, qd, qdd, strict=True)])
 
     def tip_speeds(self, motion: Trajectory, times: Array) -> Array:
         """Speeds of the tip of a motion at instants, shape (k,) [m/s]."""
-        states = zip(motion.sample(times), motion.sample(times, 1), strict=True)
-        return np.asarray(np.linalg.norm([self.tip_velocity(*s) for s in states], axis=1))
+        return self.tip_speeds_at(motion.sample(times), motion.sample(times, 1))
+
+    def tip_speeds_at(self, q: Array, qd: Array) -> Array:
+        """Speeds of the tip in states, shape (k,) [m/s]."""
+        velocities = [self.tip_velocity(*state) for state in zip(q, qd, strict=True)]
+        return np.asarray(np.linalg.norm(velocities, axis=1))

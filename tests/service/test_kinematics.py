@@ -18,8 +18,8 @@ from kinematics.pose import (
     to_quaternion,
 )
 from kinematics.robots import builtin_chain
-from tests.kinematics.test_mimic_joints import Oracle
-from tests.mimic_joints import urdf
+from tests.mimic_joints import mimic_positions, mimic_robot, urdf
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.sequence import fingers
 from tests.service.poses import draws, matrix
 from tests.service.robots import ASIDE, HOME, answer, problem
@@ -175,7 +175,7 @@ def test_a_plan_passes_what_only_the_drum_would_hit(
     client: httpx.Client, palletiser: dict[str, Any]
 ) -> None:
     """A post that the arm itself never comes near, in the way of what turns behind the base."""
-    oracle = Oracle()
+    oracle = PinocchioArm(urdf=urdf(), chain=mimic_robot().chain, others=mimic_positions)
     tip = oracle.pose(np.array([0.0, *START[1:]]), "drum")
     post = tip[:3, 3] + 0.22 * tip[:3, 0]
     shape = {"type": "sphere", "radius": 0.04}

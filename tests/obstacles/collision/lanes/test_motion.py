@@ -8,18 +8,16 @@ from benchmarks.verdict import clutter
 from compiled.kernel import kernel
 from kinematics.arrays import Array
 from kinematics.robots import builtin_names
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import COLLIDING, FREE, MAX_INTERVALS, UNDECIDED
 from obstacles.collision.lanes.check import blocked_between
 from obstacles.collision.line_check import certify_line, prove_line
 from obstacles.collision.model.kernel_work import workspace
 from obstacles.collision.model.model_arrays import ModelArrays
-from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import HalfSpace, PointCloud, Sphere
-from tests.mimic_joints import urdf
+from tests.mimic_joints import mimic_robot
 from tests.obstacles.arms import builtin, cup, cut_arm, gantry, mesh_shape
 from tests.obstacles.solids import random_transform
 
@@ -39,16 +37,10 @@ def certificate_of(model: ModelArrays, a: Array, b: Array, margin: float, outcom
     return certify_line(model, workspace(model), a, b, margin, MAX_INTERVALS, outcome)
 
 
-def mimic() -> RobotGeometry:
-    """An arm with links on joints that mimic others."""
-    description = parse_urdf(urdf())
-    return robot_geometry(serial_chain(description, tip_link="flange"), description)
-
-
 def robot_of(name: str) -> RobotGeometry:
     if name == "cut":
         return cut_arm()
-    return mimic() if name == "mimic joint" else builtin(name)
+    return mimic_robot() if name == "mimic joint" else builtin(name)
 
 
 def around(robot: RobotGeometry, random: np.random.Generator) -> Scene:

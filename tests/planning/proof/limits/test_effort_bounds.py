@@ -9,7 +9,7 @@ from kinematics.forward import joint_frames
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
 from planning.proof.limits.effort_bounds import HALF, JET, MIDDLE, effort_bounds_kernel
-from tests.planning.proof.limits.test_effort import Arm
+from tests.planning.pinocchio_arm import PinocchioArm
 
 NAMES = ["panda", "ur5e", "kr6_sixx"]
 
@@ -53,19 +53,19 @@ def states(c: Array, times: Array) -> tuple[Array, Array, Array]:
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("half", [1e-4, 1e-2, 0.2])
 def test_torques_and_speeds_are_enclosed(name: str, half: float) -> None:
-    chain, arm, random = builtin_chain(name), Arm(name), np.random.default_rng(1)
+    chain, arm, random = builtin_chain(name), PinocchioArm(name), np.random.default_rng(1)
     c = motion(chain, random)
     intervals = np.array([[0, 0.3, half], [1, 0.5, half]])
     torques, velocities = bounds(chain, c, intervals)
     s = np.linspace(-half, half, 21)
     for k, (piece, middle, _) in enumerate(intervals):
         q, v, a = states(c[int(piece)], middle + s)
-        exact = arm.torques(q, v, a)
+        exact = arm.torques_at(q, v, a)
         x, slope, curvature, error = torques[k].T
         rest = np.abs(exact - x - np.outer(s, slope))
         assert (rest <= 0.5 * np.outer(s * s, curvature) + error + 1e-9).all()
         # The tip's velocity in the last joint's axes: as long as in the base's.
-        speeds = arm.speeds(chain, q, v)
+        speeds = arm.tip_speeds_at(q, v)
         x, slope, curvature, error = velocities[k].T
         linear = x + np.outer(s, slope)
         spread = np.linalg.norm(0.5 * np.outer(s * s, curvature) + error, axis=1)
@@ -74,11 +74,11 @@ def test_torques_and_speeds_are_enclosed(name: str, half: float) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_in_an_instant_they_are_the_values(name: str) -> None:
-    chain, arm, random = builtin_chain(name), Arm(name), np.random.default_rng(2)
+    chain, arm, random = builtin_chain(name), PinocchioArm(name), np.random.default_rng(2)
     c = motion(chain, random)
     torques, velocities = bounds(chain, c, np.array([[0, 0.4, 0.0]]))
     q, v, a = states(c[0], np.array([0.4]))
-    np.testing.assert_allclose(torques[0, :, 0], arm.torques(q, v, a)[0], atol=1e-9)
+    np.testing.assert_allclose(torques[0, :, 0], arm.torques_at(q, v, a)[0], atol=1e-9)
     frame = joint_frames(chain, q[0])[-1]
     ahead, behind = (
         joint_frames(chain, states(c[0], np.array([t]))[0][0])[-1] @ chain.tip.T_joint_link
@@ -92,22 +92,24 @@ def test_in_an_instant_they_are_the_values(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_slopes_are_those_of_differences(name: str) -> None:
-    chain, arm = builtin_chain(name), Arm(name)
+    chain, arm = builtin_chain(name), PinocchioArm(name)
     c = motion(chain, np.random.default_rng(3))
     torques, _ = bounds(chain, c, np.array([[1, 0.2, 1e-3]]))
     step = 1e-4
-    after, before = (arm.torques(*states(c[1], np.array([t])))[0] for t in (0.2 + step, 0.2 - step))
+    after, before = (
+        arm.torques_at(*states(c[1], np.array([t])))[0] for t in (0.2 + step, 0.2 - step)
+    )
     np.testing.assert_allclose(
         torques[0, :, 1], (after - before) / (2.0 * step), rtol=1e-4, atol=1e-3
     )
 
 
 def test_curvature_is_bounded_and_not_by_much_more_than_there_is() -> None:
-    chain, arm = builtin_chain("ur5e"), Arm("ur5e")
+    chain, arm = builtin_chain("ur5e"), PinocchioArm("ur5e")
     c = motion(chain, np.random.default_rng(4))
     torques, _ = bounds(chain, c, np.array([[0, 0.3, 1e-4]]))
     step = 1e-3
-    values = [arm.torques(*states(c[0], np.array([0.3 + k * step])))[0] for k in (-1, 0, 1)]
+    values = [arm.torques_at(*states(c[0], np.array([0.3 + k * step])))[0] for k in (-1, 0, 1)]
     second = np.abs(values[0] - 2.0 * values[1] + values[2]) / step**2
     assert (torques[0, :, 2] >= second * (1.0 - 1e-3) - 1e-3).all()
     assert (torques[0, :, 2] <= 100.0 * (second.max() + 1.0)).all()
