@@ -121,6 +121,12 @@ LEARNER = {
     "parameters": ["mx2"],
 }  # fmt: skip
 
+#: Three configurations, a log of them, and as many points.
+STILL, ORIGINS = [[0.0] * 6] * 3, [[0.0] * 3] * 3
+LOG = {"positions": STILL, "torques": STILL}
+FLAT_BODY = {"mass": 1.0, "center_of_mass": [0.0] * 3, "inertia": [[0.1] * 3] * 3}
+GRIPPER: dict[str, Any] = {"name": "a", "tcp": {"tip": POSE, "side": POSE}, "mass": 2.0}
+
 #: By noun: a path, the body of a good request; what is changed in it (None leaves a field out), the
 #: code and words of the problem.
 TABLE: dict[str, tuple[str, dict[str, Any], list[Change]]] = {
@@ -439,6 +445,49 @@ TABLE: dict[str, tuple[str, dict[str, Any], list[Change]]] = {
         ({"A": [[0.0, 1.0], [-1.0, 0.0]], "P": None, "Q": np.eye(2).tolist()}, FORM, "add up to 0"),
         ({"P": None, "Q": [[1.0, 1.0], [0.0, 1.0]]}, FORM, "Q is not symmetric"),
     ]),
+    "lyapunov of formulas": ("/v1/lyapunov", {"f": ["-x1"], "V": "x1**2"}, [
+        ({"f": ["x2", "-x1 + y"]}, FORM, "f[1]: 'y' is no name of a formula (character 7)"),
+        ({"f": ["1 + x1"]}, FORM, "f[0] is 1 at x = 0"),
+        ({"x": [1.0, 2.0]}, FORM, "x has 2 number(s), f has 1 formulas"),
+        ({"V": None}, FORM, "give exactly one of P, Q, V, system"),
+        ({"A": [[1.0]]}, FORM, "A belongs to P or Q"),
+        ({"f": None, "V": None, "P": [[1.0]]}, FORM, "P belongs to A"),
+        ({"f": None, "V": None, "system": "pendulum"}, FORM, "system belongs to parameters"),
+        ({"V": "x" * 501}, FORM, "V"),
+    ]),
+    "tools": ("/v1/check", {"robot": "ur5e", "joints": [0.0, -1.2, 1.2, -1.5, -1.5, 0.0]}, [
+        ({"tool": "nothing_such"}, "NOT_FOUND", "nothing_such"),
+        ({"tool": "torch", "tcp": "end"}, LINK, "'torch' has no tip 'end'"),
+        ({"tcp": "tip"}, FORM, "names none"),
+        ({"tcp": {"object": "peg"}}, "INVALID_OBJECT_NAME", "'peg'"),
+        ({"tool": {"name": "a"}}, FORM, "tcp, form"),
+        ({"tool": {"name": "tool", "form": {"type": "torch"}}}, FORM, "'tool'"),
+        ({"tool": {"name": "a", "form": {"type": "claw"}}}, FORM, "parallel_jaw"),
+        ({"tool": GRIPPER | {"link": "elbow"}, "tcp": "tip"}, LINK, "'elbow'"),
+        ({"tool": GRIPPER}, LINK, "2 tips"),
+        ({"tool": GRIPPER | {"inertia": np.diag([1.0, 1.0, 3.0]).tolist()}}, FORM,
+         "principal moments"),
+        ({"tool": GRIPPER | {"opening": [0.0, 0.1]}}, FORM, "opening"),
+    ]),
+    "identify": ("/v1/robots/ur5e/identify", {"logs": [LOG]}, [
+        ({"logs": [{"positions": STILL}]}, FORM, "torques, currents"),
+        ({"logs": [{"positions": STILL, "currents": STILL}]}, FORM, "gains"),
+        ({"logs": [{"positions": STILL * 6000, "torques": STILL * 6000}] * 3}, FORM,
+         "54000 instants"),
+        ({"logs": [{"positions": STILL, "currents": STILL, "gains": [1.0]}]}, FORM, "1 gains"),
+        ({"link": "tool0"}, FORM, "payload"),
+        ({}, FORM, "18 equations"),
+        ({"logs": [LOG | {"torques": STILL[:2]}]}, FORM, "2 torques"),
+        ({"find": "payload", "link": "nowhere"}, LINK, "nowhere"),
+    ]),
+    "calibrate": ("/v1/robots/ur5e/calibrate", {"joints": STILL}, [
+        ({}, FORM, "exactly one"),
+        ({"positions": ORIGINS, "distances": [1.0] * 3, "anchor": [0.0] * 3}, FORM, "exactly"),
+        ({"distances": [1.0] * 3}, FORM, "anchor"),
+        ({"positions": ORIGINS[:2]}, FORM, "2 measurements"),
+        ({"plane": {"point": [0.0] * 3, "normal": [0.0] * 3}}, FORM, "normal is 0"),
+        ({"positions": ORIGINS}, FORM, "times the tolerance"),
+    ]),
     "poses": ("/v1/poses/convert", {"pose": {"position": [0.0] * 3}}, [
         ({"pose": None}, FORM, "exactly one of pose, motions"),
         ({"pose": None, "motions": []}, FORM, "motions"),
@@ -487,6 +536,7 @@ TABLE: dict[str, tuple[str, dict[str, Any], list[Change]]] = {
         ({"urdf": builtin_urdf("planar_rr"), "motors": {"elbow_3": MOTOR}, "joint_limits": None},
          ROBOT, "motors names the joint 'elbow_3', which the chain does not have"),
         ({"meshes": {"a": "?"}}, FORM, "meshes"),
+        ({"inertias": {"origin": "by hand", "links": {"upper": FLAT_BODY}}}, FORM, "moments"),
         ({"default_limits": {"acceleration": "many"}}, FORM, "default_limits"),
         ({"default_limits": {"acceleration": "9 x effort"}}, ROBOT, "effort"),
         ({"default_limits": {"velocity": "9 x effort"}}, FORM, "velocity"),

@@ -11,7 +11,7 @@ from numpy.polynomial import polynomial as power_basis
 from ruckig import InputParameter, Ruckig, Trajectory
 from scipy.interpolate import CubicSpline
 
-from tests.service.robots import HOME, problem, solid
+from tests.service.robots import HOME, answer, problem, solid
 
 JOINTS = [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0], [0.3, 1.4]]
 LIMITS = {"velocity": [1.0, 1.5], "acceleration": [4.0, 3.0], "jerk": [40.0, 30.0]}
@@ -20,12 +20,10 @@ ASIDE = [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
 
 def retimed(client: httpx.Client, **body: Any) -> dict[str, Any]:
     body.setdefault("path", {"joints": JOINTS})
-    response = client.post("/v1/retime", json={"limits": LIMITS} | body)
-    assert response.status_code == 200, response.text
-    answer: dict[str, Any] = response.json()
-    is_verified = answer["certificate"]["verified"]
-    assert answer["status"] == ("success" if is_verified else "unverified")
-    return answer
+    found = answer(client.post("/v1/retime", json={"limits": LIMITS} | body))
+    is_verified = found["certificate"]["verified"]
+    assert found["status"] == ("success" if is_verified else "unverified")
+    return found
 
 
 def peaks(trajectory: dict[str, Any], order: int) -> np.ndarray[Any, Any]:
@@ -50,8 +48,8 @@ def test_a_path_is_timed_within_the_limits_given(
     timing: dict[str, Any] = {"method": method, "interpolation": interpolation}
     if interpolation == "linear":
         timing["blend_tolerance"] = 0.05
-    answer = retimed(client, timing=timing)
-    certificate, trajectory = answer["certificate"], answer["trajectory"]
+    found = retimed(client, timing=timing)
+    certificate, trajectory = found["certificate"], found["trajectory"]
     assert certificate["verified"] is True
     assert "nothing is known of collisions" in certificate["method"]
     assert certificate["min_clearance"] is None
@@ -135,10 +133,8 @@ STATES: dict[str, Any] = {
 
 def test_two_states_are_joined_in_the_least_time(client: httpx.Client) -> None:
     body = STATES | {"timing": {"sample_period": 0.01}}
-    response = client.post("/v1/retime", json=body)
-    assert response.status_code == 200, response.text
-    answer = response.json()
-    certificate, samples = answer["certificate"], answer["trajectory"]["samples"]
+    found = answer(client.post("/v1/retime", json=body))
+    certificate, samples = found["certificate"], found["trajectory"]["samples"]
     assert certificate["verified"] is True
     assert certificate["proved"]["collisions"] is False
     assert certificate["limits"]["jerk"]["worst_ratio"] == pytest.approx(1.0, rel=1e-8)
@@ -146,8 +142,8 @@ def test_two_states_are_joined_in_the_least_time(client: httpx.Client) -> None:
         assert samples[name][0] == STATES["from"][name]
         expected = STATES["to"].get(name, [0.0, 0.0])
         np.testing.assert_allclose(samples[name][-1], expected, rtol=0, atol=1e-9)
-    assert answer["trajectory"]["joint_names"] == ["joint1", "joint2"]
-    assert "no straight line" in answer["notes"][0]
+    assert found["trajectory"]["joint_names"] == ["joint1", "joint2"]
+    assert "no straight line" in found["notes"][0]
 
     wanted, motion = InputParameter(2), Trajectory(2)
     wanted.current_velocity, wanted.current_acceleration = [0.5, 0.0], [1.0, 0.0]
@@ -155,7 +151,7 @@ def test_two_states_are_joined_in_the_least_time(client: httpx.Client) -> None:
     wanted.max_velocity, wanted.max_acceleration = [1.0, 1.0], [4.0, 4.0]
     wanted.max_jerk = [40.0, 40.0]
     Ruckig(2).calculate(wanted, motion)
-    assert answer["trajectory"]["duration"] == pytest.approx(motion.duration, rel=1e-8)
+    assert found["trajectory"]["duration"] == pytest.approx(motion.duration, rel=1e-8)
     for time, row in zip(samples["time"], samples["position"], strict=True):
         at, _, _ = motion.at_time(time)
         np.testing.assert_allclose(row, at, atol=1e-7)
@@ -164,17 +160,15 @@ def test_two_states_are_joined_in_the_least_time(client: httpx.Client) -> None:
 def test_times_from_any_number_need_no_limits(client: httpx.Client) -> None:
     times, joints = [5.0, 5.5, 6.25, 7.0], [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0], [0.3, 1.4]]
     timing = {"method": "spline", "times": times, "sample_period": 0.1}
-    response = client.post("/v1/retime", json={"path": {"joints": joints}, "timing": timing})
-    assert response.status_code == 200, response.text
-    answer = response.json()
-    segments, samples = answer["trajectory"]["segments"], answer["trajectory"]["samples"]
+    found = answer(client.post("/v1/retime", json={"path": {"joints": joints}, "timing": timing}))
+    segments, samples = found["trajectory"]["segments"], found["trajectory"]["samples"]
     assert [segments[0]["t0"], *(segment["t1"] for segment in segments)] == times
     expected = CubicSpline(times, joints, bc_type="natural")
     assert (samples["time"][0], samples["time"][-1]) == (5.0, 7.0)
     np.testing.assert_allclose(samples["position"], expected(samples["time"]), atol=1e-12)
     rates = expected(np.linspace(5.0, 7.0, 20_001), 1)
-    np.testing.assert_allclose(answer["peaks"]["velocity"], np.abs(rates).max(axis=0), rtol=1e-6)
-    certificate = answer["certificate"]
+    np.testing.assert_allclose(found["peaks"]["velocity"], np.abs(rates).max(axis=0), rtol=1e-6)
+    certificate = found["certificate"]
     assert certificate["verified"] is False
     assert certificate["violation"] is None
     assert "no limits of velocity and acceleration" in " ".join(certificate["proved"]["reasons"])
@@ -198,10 +192,10 @@ def test_a_natural_spline_takes_the_velocity_of_one_end(client: httpx.Client) ->
 
 def test_a_path_is_told_by_its_fewest_waypoints(client: httpx.Client) -> None:
     body: dict[str, Any] = {"path": {"joints": [[0.0, 0.0], [0.5, 0.1004], [1.0, 0.2], [1.2, 1.0]]}}
-    answer = client.post("/v1/paths/simplify", json=body | {"tolerance": 1e-3}).json()
-    assert (answer["status"], answer["waypoints"], answer["left_out"]) == ("success", [0, 2, 3], 1)
-    assert answer["deviation"] == pytest.approx(4e-4 / 1.04, rel=1e-9)
-    assert answer["certificate"] is None
+    found = answer(client.post("/v1/paths/simplify", json=body | {"tolerance": 1e-3}))
+    assert (found["status"], found["waypoints"], found["left_out"]) == ("success", [0, 2, 3], 1)
+    assert found["deviation"] == pytest.approx(4e-4 / 1.04, rel=1e-9)
+    assert found["certificate"] is None
     exact = client.post("/v1/paths/simplify", json=body | {"tolerance": 0.0}).json()
     assert exact["waypoints"] == [0, 1, 2, 3]
     joints = np.linspace(HOME, ASIDE, 50).round(4).tolist()
@@ -222,9 +216,9 @@ def test_a_path_is_told_by_its_fewest_waypoints(client: httpx.Client) -> None:
 def test_a_motion_keeps_to_the_tolerance_of_its_path(client: httpx.Client) -> None:
     u = np.linspace(0.0, 1.0, 400)[:, None]
     path = {"joints": (u * [1.0, 0.3] + 0.1 * np.sin(u * [9.0, 7.0])).tolist(), "tolerance": 2e-3}
-    answer = retimed(client, path=path)
-    assert answer["status"] == "success"
-    assert "smooth curve" in answer["notes"][0]
+    found = retimed(client, path=path)
+    assert found["status"] == "success"
+    assert "smooth curve" in found["notes"][0]
     response = client.post(
         "/v1/retime",
         json={"path": path, "limits": LIMITS, "timing": {"interpolation": "natural_spline"}},
@@ -255,7 +249,7 @@ def test_few_cubics_stand_for_a_recorded_motion(client: httpx.Client) -> None:
     s = ((t - 10.0) / 3.0)[:, None]
     q = (np.array(HOME) + (np.array(ASIDE) - HOME) * s**2 * (3.0 - 2.0 * s)).round(4)
     body = {"samples": {"time": t.tolist(), "position": q.tolist()}, "tolerance": 1e-3}
-    found = client.post("/v1/paths/fit", json=body).json()
+    found = answer(client.post("/v1/paths/fit", json=body))
     assert found["deviation"] <= 1e-3
     assert found["certificate"] is None
     assert len(found["trajectory"]["segments"]) < 20

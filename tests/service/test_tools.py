@@ -176,37 +176,6 @@ def test_the_tip_can_be_that_of_a_held_object(client: httpx.Client) -> None:
     np.testing.assert_allclose(end[:3], target["position"], atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("body", "code", "told"),
-    [
-        ({"tool": "nothing_such"}, "NOT_FOUND", "nothing_such"),
-        ({"tool": "torch", "tcp": "end"}, "INVALID_LINK_NAME", "'torch' has no tip 'end'"),
-        ({"tcp": "tip"}, "VALIDATION_ERROR", "names none"),
-        ({"tcp": {"object": "peg"}}, "INVALID_OBJECT_NAME", "'peg'"),
-        ({"tool": {"name": "a"}}, "VALIDATION_ERROR", "tcp, form"),
-        ({"tool": {"name": "tool", "form": {"type": "torch"}}}, "VALIDATION_ERROR", "'tool'"),
-        ({"tool": {"name": "a", "form": {"type": "claw"}}}, "VALIDATION_ERROR", "parallel_jaw"),
-        (
-            {"tool": GRIPPER | {"name": "a", "link": "elbow"}, "tcp": "tip"},
-            "INVALID_LINK_NAME", "'elbow'",
-        ),
-        ({"tool": GRIPPER | {"name": "a"}}, "INVALID_LINK_NAME", "2 tips"),
-        (
-            {"tool": GRIPPER | {"name": "a", "inertia": np.diag([1.0, 1.0, 3.0]).tolist()}},
-            "VALIDATION_ERROR", "principal moments",
-        ),
-        ({"tool": GRIPPER | {"name": "a", "opening": [0.0, 0.1]}}, "VALIDATION_ERROR", "opening"),
-    ],
-)  # fmt: skip
-def test_odd_tools_are_refused_by_name(
-    client: httpx.Client, body: dict[str, Any], code: str, told: str
-) -> None:
-    status = 404 if code == "NOT_FOUND" else 422
-    asked = {"robot": "ur5e", "joints": HOME} | body
-    refused = problem(client.post("/v1/check", json=asked), status, code)
-    assert told in refused["detail"] + str(refused.get("errors", ""))
-
-
 def test_tours_exports_and_simulations_work_with_the_tool(
     client: httpx.Client, gripper: str
 ) -> None:

@@ -2,8 +2,8 @@
 
 import json
 import signal
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
@@ -221,18 +221,14 @@ def test_who_waits_goes_before_jobs(jobs: Served) -> None:
 
 def test_fifty_jobs_at_once_are_all_answered(client: httpx.Client) -> None:
     body = {"joints": [[0.1, 0.2]] * 500}
-    locations: list[str] = []
     kinds = [("/v1/robots/planar_rr/fk", body), ("/v1/plan", EASY)]
 
-    def send(index: int) -> None:
+    def send(index: int) -> str:
         path, content = kinds[index % 2]
-        locations.append(submit(client, content, path))
+        return submit(client, content, path)
 
-    threads = [threading.Thread(target=send, args=(index,)) for index in range(50)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(50) as pool:
+        locations = list(pool.map(send, range(50)))
     assert len(set(locations)) == 50
     for location in locations:
         assert ended(client, location, 60.0)["status"] == "succeeded"

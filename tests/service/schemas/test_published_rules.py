@@ -16,6 +16,7 @@ from armwright_wire.plans.batch import BatchRequest
 from armwright_wire.plans.tour import TourGoal
 from armwright_wire.robots.kinematics import IkRequest, VelocityRequest
 from armwright_wire.scenes.check import Attached
+from armwright_wire.scenes.scene import Scene
 
 JOINTS = {"joints": [0.0]}
 POSE = {"position": [0.0, 0.0, 0.0]}
@@ -34,6 +35,7 @@ CASES: dict[type[BaseModel], tuple[dict[str, Any], dict[str, Any]]] = {
         {"twist": [0.0] * 6, "joint_velocities": [0.0], "nullspace": [0.0], "damped_below": 0.1},
         JOINTS,
     ),
+    Scene: ({"obstacles": [], "moveit": "x"}, {}),
     RetimeRequest: (
         {"path": PATH, "from": STATE, "to": STATE, "synchronization": "time"},
         {"robot": "panda"},

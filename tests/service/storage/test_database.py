@@ -5,6 +5,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -65,11 +66,8 @@ def test_transactions_of_threads_are_all_kept(database: Database) -> None:
             with database.transaction(durable=False) as connection:
                 insert(connection, f"{number}-{step}")
 
-    threads = [threading.Thread(target=work, args=(number,)) for number in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(work, range(8)))
     assert count(database) == 80
 
 
@@ -129,15 +127,8 @@ def test_a_file_that_could_not_be_opened_is_not_locked(path: Path) -> None:
 
 def test_servers_share_a_postgresql_database(postgresql: PostgreSQL) -> None:
     url = postgresql.database()
-    opened: list[Database] = []
-    threads = [
-        threading.Thread(target=lambda: opened.append(Database(url, exclusive=True)))
-        for _ in range(3)
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(3) as pool:
+        opened = list(pool.map(lambda _: Database(url, exclusive=True), range(3)))
     assert [count(database) for database in opened] == [0, 0, 0], "made once, by one of them"
     for database in opened:
         database.close()

@@ -1,6 +1,6 @@
 """Documents in the database: by name, in pages, and of one tenant."""
 
-import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -119,11 +119,8 @@ def test_threads_do_not_get_in_each_others_way(documents: DocumentStore) -> None
                 conflicts.append(error.code)
             documents.list("scene", "", 5)
 
-    threads = [threading.Thread(target=work, args=(number,)) for number in range(6)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(6) as pool:
+        list(pool.map(work, range(6)))
     assert len(documents.list("scene", "", 1000)) == 6 * 20 + 20 + 1
     assert documents.record("scene", "replaced_by_all").version == 6 * 20
     assert conflicts == ["CONFLICT"] * 100
@@ -137,7 +134,7 @@ def test_a_precondition_is_asked_in_the_transaction_that_stores(documents: Docum
     class OtherVersionError(Exception):
         pass
 
-    def count() -> None:
+    def count(_: int) -> None:
         done = 0
         while done < rounds:
             document = documents.get("scene", "counter")
@@ -153,11 +150,8 @@ def test_a_precondition_is_asked_in_the_transaction_that_stores(documents: Docum
                 continue
             done += 1
 
-    threads = [threading.Thread(target=count) for _ in range(writers)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(60.0)
+    with ThreadPoolExecutor(writers) as pool:
+        list(pool.map(count, range(writers)))
     counted = documents.get("scene", "counter")
     assert counted.content == str(writers * rounds).encode()
     assert counted.record.version == writers * rounds + 1
