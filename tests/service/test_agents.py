@@ -3,7 +3,6 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ from service.settings import Settings
 from service.storage.stores.job_store import JobRecord
 from service.storage.stores.queue_store import Chunk
 from service.task_references import plan, plan_part
+from tests.service.commands import start_command
 from tests.service.conftest import Served
 from tests.service.jobs.requests import EASY, STUCK, batch, ended, submit
 from tests.service.postgresql import PostgreSQL
@@ -148,11 +148,8 @@ def test_an_agent_answers_for_its_health_and_ends_at_once(
     served, url = both
     monkeypatch.setenv("ARMWRIGHT_DATABASE_URL", url)
     monkeypatch.setenv("ARMWRIGHT_PUBLIC_METRICS", "true")
-    command = [sys.executable, "-m", "service.cli", "agent", "--port", "0", "--workers", "1"]
-    with subprocess.Popen(
-        [*command, "--data-dir", str(tmp_path)], stdout=subprocess.PIPE, text=True,
-        cwd=Path(__file__).parents[2],
-    ) as process:  # fmt: skip
+    command = ["agent", "--port", "0", "--workers", "1", "--data-dir", str(tmp_path)]
+    with start_command(command, stdout=subprocess.PIPE) as process:
         try:
             assert process.stdout is not None
             greeting = process.stdout.readline()

@@ -43,8 +43,7 @@ def sheet() -> Mesh:
 
 
 def mesh(form: Mesh, name: str, position: list[float]) -> dict[str, Any]:
-    shape = {"type": "mesh", "vertices": form[0], "faces": form[1]}
-    return {"id": name, "shape": shape, "pose": {"position": position}}
+    return solid(name, "mesh", position, vertices=form[0], faces=form[1])
 
 
 def obj(form: Mesh) -> str:

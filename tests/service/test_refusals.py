@@ -22,6 +22,7 @@ from tests.service.robots import (
     scene,
 )
 from tests.service.schemas.bodies import FULL
+from tests.service.test_simulate import MOTORS
 
 FORM, STATE, LINK = "VALIDATION_ERROR", "INVALID_ROBOT_STATE", "INVALID_LINK_NAME"
 GOAL, MOTION = "INVALID_GOAL_CONSTRAINTS", "INVALID_MOTION_PLAN"
@@ -89,10 +90,7 @@ ROW: dict[str, Any] = {
     "type": "revolute", "a": 0.5, "alpha": 0.0, "d": 0.0, "theta": 0.0, "lower": -3.0,
     "upper": 3.0, "velocity": 3.0, "acceleration": 20.0, "mass": 1.0,
 }  # fmt: skip
-MOTOR = {
-    "inertia": 1.2e-4, "friction": 2e-5, "torque_constant": 0.05, "back_emf": 0.002,
-    "resistance": 0.5, "gear_ratio": 50.0, "voltage_limit": 5.0,
-}  # fmt: skip
+MOTOR = MOTORS[0]
 BOX = {"shape": {"type": "box", "size": [0.4, 0.1, 0.1]}, "pose": {"position": [-0.25, 0.0, 0.0]}}
 HALF = {"shape": {"type": "halfspace", "normal": [0.0, 0.0, 1.0], "offset": 0.0}}
 
@@ -248,6 +246,7 @@ TABLE: dict[str, tuple[str, dict[str, Any], list[Change]]] = {
         (tool(max_deviation="fine"), FORM, "max_deviation"),
         (tool(orientation="kept"), FORM, "orientation"),
         (tool(blend=-1.0), FORM, "blend"),
+        (tool(through="spline"), FORM, "waypoints"),
         (tool(motions=[{"type": "lin", "pose": there(0.0, 0.1)}]), GOAL, "from the goal"),
         (tool(motions=[{"type": "circ", "pose": there(0.0, 0.2),
                         "via": there(0.0, 0.1)["position"]}]), GOAL, "lie on one line"),

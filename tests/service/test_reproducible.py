@@ -1,7 +1,6 @@
 """The same request is answered alike, however busy the workers are and whichever takes it."""
 
 import json
-import math
 import re
 import time
 from collections.abc import Iterator, Mapping
@@ -12,7 +11,10 @@ from typing import Any, NamedTuple, TypeAlias
 import httpx
 import pytest
 
-from tests.service.robots import ASIDE, DETOUR, FLOOR, HOME, POST, scene
+from tests.service.robots import ASIDE, DETOUR, FLOOR, POST, scene
+from tests.service.test_cartesian import seam
+from tests.service.test_tasks import TASK
+from tests.service.test_tours import body as tour
 
 #: Path and body.
 Request: TypeAlias = "tuple[str, dict[str, Any]]"
@@ -29,76 +31,10 @@ _UPRIGHT = {
 _PLAN = DETOUR | {"timeout": _TIMEOUT, "seed": 5}
 #: Back past the post to a pose.
 _POSE_PLAN = _PLAN | {"start": {"joints": ASIDE}, "goal": {"pose": _ABOVE}}
-_BOXES = {
-    "table": ([0.6, 1.0, 0.04], [0.6, 0.0, 0.08]),
-    "wall": ([0.4, 0.03, 0.15], [0.6, 0.0, 0.175]),
-    "crate": ([0.05, 0.05, 0.1], [0.5, -0.25, 0.15]),
-}
-_CRATE = scene(
-    *(
-        {"id": name, "shape": {"type": "box", "size": size}, "pose": {"position": position}}
-        for name, (size, position) in _BOXES.items()
-    )
-)
 
 
 def _planned_by(planner: str, **options: Any) -> Request:
     return "/v1/plan", _PLAN | {"planner": planner, "planner_options": options}
-
-
-def _seam() -> list[dict[str, Any]]:
-    """Waypoints round the upper side of a pipe of 15 cm."""
-    waypoints = []
-    for k in range(24):
-        angle = -0.7 + 1.4 * k / 23
-        normal = [0.0, math.sin(angle), math.cos(angle)]
-        point = [0.5 + 0.02 * angle, 0.15 * normal[1], 0.2 + 0.15 * normal[2]]
-        waypoints.append({"point": point, "normal": normal})
-    return waypoints
-
-
-def _task() -> Request:
-    """Pick a crate whichever way, and put it behind a wall."""
-    down = {"position": [0.0, 0.0, 0.02], "rpy": [math.pi, 0.0, 0.0]}
-    around = [0.0, 2.0 * math.pi]
-    place = {"pose": {"position": [0.5, 0.25, 0.15]}, "size": [0.1, 0.1], "angles": around}
-    stages = [
-        {"kind": "move"},
-        {"kind": "approach", "distance": [0.05, 0.1]},
-        {"kind": "grasp", "object": "crate", "region": {"pose": down, "angles": around},
-         "touch_links": ["panda_hand"], "support": "table"},
-        {"kind": "attach", "object": "crate"},
-        {"kind": "lift", "distance": [0.05, 0.15]},
-        {"kind": "move"},
-        {"kind": "approach", "distance": [0.05, 0.1], "direction": [0, 0, -1], "frame": "root"},
-        {"kind": "place", "region": place, "support": "table"},
-        {"kind": "detach"},
-        {"kind": "retreat", "distance": [0.05, 0.1]},
-        {"kind": "move", "goal": {"joints": HOME}},
-    ]  # fmt: skip
-    body = {
-        "robot": "panda", "start": {"joints": HOME}, "scene": _CRATE, "stages": stages,
-        "improve": 0.0, "timeout": _TIMEOUT,
-    }  # fmt: skip
-    return "/v1/tasks", body
-
-
-def _tour() -> Request:
-    """Six poses with a free spin, a configuration, and a post between them."""
-    goals: list[dict[str, Any]] = [
-        {
-            "pose": {"position": [x, y, 0.35], "quaternion_xyzw": _TURN},
-            "tolerance": {"free": ["rz"], "samples": 4},
-        }
-        for x in (0.4, 0.5, 0.55)
-        for y in (-0.35, -0.1)
-    ]
-    body = {
-        "robot": "panda", "scene": _PLACE, "start": {"joints": HOME},
-        "goals": [{"joints": ASIDE}, *goals], "rounds": 3, "leg_timeout": _TIMEOUT,
-        "timeout": _TIMEOUT, "seed": 2,
-    }  # fmt: skip
-    return "/v1/tours", body
 
 
 def _ik(**changes: Any) -> Request:
@@ -111,7 +47,6 @@ _HELD = {
     "constraints": [_UPRIGHT, {"type": "clearance", "margin": 0.02}], "scene": _PLACE,
 }  # fmt: skip
 _HARD_PLAN = _POSE_PLAN | {"constraints": [_UPRIGHT]}
-_FREE = {"waypoints": _seam(), "tool_speed": 0.05, "tolerance": {"tilt": 0.1}}
 
 PATIENT: Mapping[str, Request] = {
     "auto": ("/v1/plan", _PLAN),
@@ -119,18 +54,14 @@ PATIENT: Mapping[str, Request] = {
     "bit_star": _planned_by("bit_star", max_edges=300),
     "constrained": ("/v1/plan", _HARD_PLAN),
     "refine": ("/v1/plan", _PLAN | {"refine": {}}),
-    "seam": (
-        "/v1/plan",
-        {name: _PLAN[name] for name in ("robot", "start", "timeout")}
-        | {"planner": "cartesian", "planner_options": _FREE},
-    ),
+    "seam": ("/v1/plan", seam(tolerance={"tilt": 0.1}) | {"timeout": _TIMEOUT}),
     "batch": (
         "/v1/plan/batch",
         {name: _PLAN[name] for name in ("robot", "scene", "start", "timeout")}
         | {"problems": [{"goal": {"joints": ASIDE}, "seed": n} for n in range(4)]},
     ),
-    "task": _task(),
-    "tour": _tour(),
+    "task": ("/v1/tasks", TASK | {"timeout": _TIMEOUT}),
+    "tour": ("/v1/tours", tour(rounds=3, leg_timeout=_TIMEOUT, timeout=_TIMEOUT, seed=2)),
     "bases": (
         "/v1/robots/ur5e/reach",
         {

@@ -109,11 +109,6 @@ def test_links_that_collide_as_they_look(client: httpx.Client) -> None:
         asked = {"robot": name, "joints": [0.0, 0.0], "scene": inside}
         pairs = [hit["pair"] for hit in answer(client.post("/v1/check", json=asked))["collisions"]]
         assert ["lower", "ball"] in pairs
-    table = {"convention": "standard", "rows": [{"type": "revolute", "a": 1, "alpha": 0, "d": 0,
-             "theta": 0, "lower": -1, "upper": 1}]}  # fmt: skip
-    body: dict[str, Any] = {"name": "table", "dh": table, "visual_solids": True}
-    refusal = problem(client.post("/v1/robots", json=body), 422, "VALIDATION_ERROR")
-    assert "visual_solids" in refusal["detail"]
 
 
 def test_archive_with_several_descriptions(client: httpx.Client) -> None:

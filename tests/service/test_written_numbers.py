@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.service.robots import problem
+from tests.service.robots import HOME, problem
 
-HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 POSITION = [0.45, 0.1, 0.4]
 BLOCK = {"type": "box", "size": [0.02, 0.02, 0.02]}
 FAR = {"id": "far", "shape": BLOCK}

@@ -11,16 +11,11 @@ from kinematics.errors import InvalidOption
 from service.app import create_app
 from service.http import audit
 from service.settings import Settings
-from tests.service.robots import answer, problem
+from tests.service.robots import HOME, answer, problem
 from tests.service.server import serving
 
-HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
-PLAN: dict[str, Any] = {
-    "robot": "panda",
-    "start": {"joints": HOME},
-    "goal": {"joints": [0.5, -0.6, 0.0, -2.2, 0.0, 1.571, 0.785]},
-    "keep": True,
-}
+GOAL = {"joints": [0.5, -0.6, 0.0, -2.2, 0.0, 1.571, 0.785]}
+PLAN = {"robot": "panda", "start": {"joints": HOME}, "goal": GOAL, "keep": True}
 FAULT = {"kind": "frame", "link": "panda_link5", "time": 0.5, "by": 1e-3}
 
 

@@ -90,21 +90,6 @@ def test_without_a_key_or_where_nothing_is_created_each_request_is_handled(
     assert handler.calls == 2
 
 
-def test_keys_are_told_apart_by_endpoint(store: Store) -> None:
-    handler = Handler()
-    ask(handler, request(store, "k", path="/x"))
-    ask(handler, request(store, "k", path="/y"))
-    ask(handler, request(store, "other", path="/x"))
-    assert handler.calls == 3
-
-
-def test_a_key_stands_for_one_body(store: Store) -> None:
-    handler = Handler()
-    ask(handler, request(store, "k", b'{"a": 1}'))
-    assert code_of(handler, request(store, "k", b'{"a":1}')) == "IDEMPOTENCY_KEY_REUSED"
-    assert handler.calls == 1
-
-
 @pytest.mark.parametrize("status", [200, 204, 400, 409, 422, 500, 503])
 def test_only_what_was_created_or_accepted_is_kept(store: Store, status: int) -> None:
     handler = Handler(Response(b"", status))

@@ -46,13 +46,3 @@ def test_scenes_and_robots_have_names_of_their_own(store: Store) -> None:
     assert "panda" in (missing.value.hint or ""), "the hint lists the built-in ones"
     with pytest.raises(ProblemError):
         found(repository, "scene", "panda")
-
-
-def test_a_document_that_was_deleted_meanwhile_is_not_found(store: Store) -> None:
-    store.documents.create("scene", "table", b"{}")
-    repository = RobotRepository(store.documents, "folder")
-    reference = found(repository, "scene", "table")
-    store.documents.delete("scene", "table")
-    with pytest.raises(ProblemError) as missing:
-        repository.document(reference)
-    assert missing.value.code == "NOT_FOUND"

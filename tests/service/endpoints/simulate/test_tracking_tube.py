@@ -19,7 +19,7 @@ from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
 from planning.values.deadline import Deadline
 from service.endpoints.simulate.tracking_tube import Clearance, own_clearance, remaining
-from tests.service.robots import answer
+from tests.service.robots import answer, solid
 from tests.tracking.corners import corner_displacement
 from tracking.simulation.references import hold
 from tracking.tube.tube import Displacement
@@ -41,8 +41,19 @@ def ball(angle: float, gap: float) -> dict[str, Any]:
     """A ball of 0.05 m that the bob touches less ``gap`` when it hangs at ``angle``."""
     along = angle + 2.0 * float(np.arcsin((0.1 + gap) / 2.0))
     center = [-float(np.sin(along)), 0.0, -float(np.cos(along))]
-    shape = {"type": "sphere", "radius": 0.05}
-    return {"id": "ball", "shape": shape, "pose": {"position": center}}
+    return solid("ball", "sphere", center, radius=0.05)
+
+
+def quintic(away: Any) -> dict[str, Any]:
+    """A motion of a second from HOME, at rest at its ends."""
+    rows = [
+        [a, 0, 0, 10 * (b - a), -15 * (b - a), 6 * (b - a)] for a, b in zip(HOME, away, strict=True)
+    ]
+    return {"segments": [{"t0": 0.0, "t1": 1.0, "coefficients": rows}]}
+
+
+def wall(x: float) -> dict[str, Any]:
+    return {"obstacles": [solid("wall", "box", [x, 0, 0.5], size=[0.1, 2, 2])]}
 
 
 @pytest.mark.parametrize(("tolerance", "period"), [(1e-3, 1.0), (1e-4, 0.5), (1e-8, 0.01)])
@@ -81,19 +92,12 @@ def test_a_swing_between_samples_counts(
 
 def test_own_links_are_held_against_their_own_clearance(client: httpx.Client) -> None:
     """A push on the first joint turns the whole arm, and moves no link of it against another."""
-    away = [0.5, *HOME[1:]]
-    rows = [
-        [a, 0, 0, 10 * (b - a), -15 * (b - a), 6 * (b - a)] for a, b in zip(HOME, away, strict=True)
-    ]
-    wall = {"type": "box", "size": [0.1, 2, 2]}
     body = {
         "robot": "panda",
-        "trajectory": {"segments": [{"t0": 0.0, "t1": 1.0, "coefficients": rows}]},
+        "trajectory": quintic([0.5, *HOME[1:]]),
         "controller": {"type": "computed_torque", "natural_frequency": 12.0},
         "disturbance": {"torque": [2.0, 0, 0, 0, 0, 0, 0]},
-        "scene": {
-            "obstacles": [{"id": "wall", "shape": wall, "pose": {"position": [1.9, 0, 0.5]}}]
-        },
+        "scene": wall(1.9),
         "saturate": False,
     }
     around = answer(client.post("/v1/simulate", json=body))["tube"]
@@ -118,15 +122,12 @@ def test_a_margin_from_obstacles_and_a_smaller_one_among_own_links_both_hold(
     client: httpx.Client,
 ) -> None:
     """30 mm from a wall, at least 9.5 mm between own links, displaced by 10 mm: all is clear."""
-    wall = {"type": "box", "size": [0.1, 2, 2]}
     body = {
         "robot": "panda",
         "reference": {"type": "hold", "joints": [*HOME[:6], 0.2], "duration": 1.0},
         "controller": {"type": "computed_torque", "natural_frequency": 12.0},
         "disturbance": {"torque": [1.075, 0, 0, 0, 0, 0, 0]},
-        "scene": {
-            "obstacles": [{"id": "wall", "shape": wall, "pose": {"position": [0.5617, 0, 0.5]}}]
-        },
+        "scene": wall(0.5617),
         "saturate": False,
     }
     around = answer(client.post("/v1/simulate", json=body))["tube"]
@@ -140,21 +141,16 @@ def test_a_margin_from_obstacles_and_a_smaller_one_among_own_links_both_hold(
 
 def test_a_far_obstacle_with_a_margin_is_clear_of_a_wrong_model(client: httpx.Client) -> None:
     """A ball 1.29 m away with a margin of 0.1 m, and masses a tenth too large in the model."""
-    away = np.array(HOME) + np.linspace(0.6, -0.4, 7)
-    rows = [
-        [a, 0, 0, 10 * (b - a), -15 * (b - a), 6 * (b - a)] for a, b in zip(HOME, away, strict=True)
-    ]
-    sphere = {"type": "sphere", "radius": 0.1}
+    far = solid("ball", "sphere", [FAR, 0.0, 0.5], radius=0.1) | {"margin": 0.1}
     body = {
         "robot": "panda",
-        "trajectory": {"segments": [{"t0": 0.0, "t1": 1.0, "coefficients": rows}]},
+        "trajectory": quintic(np.array(HOME) + np.linspace(0.6, -0.4, 7)),
         "controller": {"type": "computed_torque", "natural_frequency": 15.0},
         "model_error": {"mass_scale": 1.1},
-        "scene": {"obstacles": [{"id": "ball", "shape": sphere, "margin": 0.1,
-                                 "pose": {"position": [FAR, 0.0, 0.5]}}]},
+        "scene": {"obstacles": [far]},
         "saturate": False,
         "sample_period": 1e-3,
-    }  # fmt: skip
+    }
     found = answer(client.post("/v1/simulate", json=body))
     around = found["tube"]
     assert around["clears"], around["reason"]
