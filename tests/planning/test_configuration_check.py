@@ -8,6 +8,7 @@ import pinocchio
 import pytest
 
 from kinematics.arrays import Array
+from kinematics.pose import transform
 from kinematics.robots import builtin_urdf
 from obstacles.collision.fcl_distance import Clearance, FclWorld
 from obstacles.scenes.scene import Obstacle, Scene
@@ -19,8 +20,7 @@ BALL = np.array([0.5, 0.1, 0.75])
 
 
 def ball(radius: float, margin: float = 0.0) -> Scene:
-    T = np.eye(4)
-    T[:3, 3] = BALL
+    T = transform(None, BALL)
     return Scene((Obstacle("ball", Sphere(radius), T, margin),))
 
 

@@ -1,6 +1,7 @@
 """Denavit-Hartenberg tables against their definition, sympy, and the chains they come from."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import sympy
 from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotDescription
 from kinematics.forward import forward, joint_frames, link_poses
-from kinematics.model.chain import Chain, JointType, Limits, Link
+from kinematics.model.chain import Chain, JointType
 from kinematics.model.dh import (
     PARALLEL_ANGLE,
     Convention,
@@ -24,6 +25,7 @@ from kinematics.pose import from_axis_angle, rotation_x, rotation_y, rotation_z,
 from kinematics.robots import builtin_names
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
+from tests.kinematics.ik.arms import arm_of
 from tests.kinematics.samples import (
     Sample,
     configurations,
@@ -188,11 +190,7 @@ def test_nearly_parallel_axes(convention: Convention, exponent: int) -> None:
     for flip in (np.eye(3), rotation_x(math.pi)):
         tilt = from_axis_angle(rng.normal(size=3), 10.0**exponent) @ flip
         offsets = [random_offset(rng), transform(tilt, [0.3, -0.2, 0.1]), random_offset(rng)]
-        chain = Chain(
-            "tilted", ("a", "b", "c"), np.zeros(3, dtype=np.int64), np.array(offsets),
-            (Link("base", -1, np.eye(4)), Link("tip", 2, random_offset(rng))),
-            "base", "tip", Limits.unlimited(3), np.ones(3, dtype=np.bool_),
-        )  # fmt: skip
+        chain = arm_of(offsets, random_offset(rng))
         q = rng.uniform(-3, 3, (5, 3))
         table = dh_from_chain(chain, convention)
         assert worst_error(chain, table, q) < 1.0
@@ -209,11 +207,8 @@ def test_classical_numbers_suffice_but_for_near_parallels(convention: Convention
     rng = np.random.default_rng(33)
     for _ in range(100):
         offsets = [transform(random_rotation(rng), rng.uniform(-1, 1, 3)) for _ in range(5)]
-        chain = Chain(
-            "generic", tuple("abcde"), rng.integers(0, 2, 5), np.array(offsets),
-            (Link("tip", 4, offsets[0]),), "tip", "tip", Limits.unlimited(5),
-            np.zeros(5, dtype=np.bool_),
-        )  # fmt: skip
+        kinds, none = rng.integers(0, 2, 5), np.zeros(5, dtype=np.bool_)
+        chain = replace(arm_of(offsets, offsets[0]), joint_types=kinds, continuous=none)
         q = rng.uniform(-3, 3, 5)
         table = dh_from_chain(chain, convention)
         assert all(row.beta == 0.0 and row.a >= 0.0 for row in table.rows)
@@ -274,11 +269,7 @@ def _spatial(chain: Chain, q: Array) -> Array:
 def test_far_common_normals_keep_the_chain_small() -> None:
     """The table's frames may lie 100 km away, the frames of its joints may not."""
     tilt = transform(from_axis_angle([1, 0.3, 0], 1e-6), [0.3, 0.2, 0.1])
-    chain = Chain(
-        "tilted", ("a", "b"), np.zeros(2, dtype=np.int64), np.array([np.eye(4), tilt]),
-        (Link("tip", 1, np.eye(4)),), "tip", "tip", Limits.unlimited(2),
-        np.ones(2, dtype=np.bool_),
-    )  # fmt: skip
+    chain = arm_of([np.eye(4), tilt], np.eye(4))
     for convention in CONVENTIONS:
         table = dh_from_chain(chain, convention)
         assert max(abs(row.d) for row in table.rows) > 1e5
@@ -288,12 +279,8 @@ def test_far_common_normals_keep_the_chain_small() -> None:
 
 def test_tip_must_move_with_the_last_joint() -> None:
     chain = random_chain(np.random.default_rng(35), 3)
-    early = Chain(
-        chain.name, chain.joint_names, chain.joint_types, chain.offsets, chain.links, "base",
-        "link_1", chain.limits, chain.continuous,
-    )  # fmt: skip
     with pytest.raises(InvalidRobotDescription, match="'link_1'"):
-        dh_from_chain(early)
+        dh_from_chain(replace(chain, tip_link="link_1"))
 
 
 def test_prismatic_rows_slide_along_z() -> None:

@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 
 import armwright as aw
 from kinematics.arrays import Array
+from kinematics.pose import transform
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.distance.bvh import (
     FIRST,
@@ -102,9 +103,7 @@ HIGH = 0.35
 
 
 def at(x: float, y: float, z: float) -> np.ndarray:
-    T = np.eye(4)
-    T[:3, 3] = x, y, z
-    return T
+    return transform(None, [x, y, z])
 
 
 @pytest.mark.parametrize(

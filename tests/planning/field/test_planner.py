@@ -31,16 +31,25 @@ from tests.planning.slider import slider
 POST = Scene((box("post", (0.05, 0.05, 0.1), (0.5, 0.25, 0.45)),))
 
 
+def asked(
+    robot: RobotGeometry,
+    scene: Scene,
+    start: np.ndarray,
+    goal: np.ndarray,
+    options: FieldOptions,
+    seed: int = 0,
+    seconds: float = 60.0,
+) -> FieldResult:
+    checker, deadline = Checker.of(robot, scene), Deadline.after(seconds)
+    return potential_field(robot, checker, scene, start, [goal], options, seed, deadline)
+
+
 def descend(
-    scene: Scene, options: FieldOptions, goal: np.ndarray, seed: int = 0, name: str = "panda"
+    scene: Scene, options: FieldOptions, goal: np.ndarray, name: str = "panda"
 ) -> tuple[FieldResult, Checker]:
     robot = builtin(name)
-    checker = Checker.of(robot, scene)
     start = HOME if name == "panda" else np.zeros(robot.chain.n)
-    found = potential_field(
-        robot, checker, scene, start, [goal], options, seed, Deadline.after(20.0)
-    )
-    return found, checker
+    return asked(robot, scene, start, goal, options), Checker.of(robot, scene)
 
 
 def turned(angle: float = 0.9) -> np.ndarray:
@@ -118,9 +127,7 @@ def test_a_local_minimum_is_where_the_force_vanishes() -> None:
         if not checker.valid(goal) or checker.free(HOME, goal):
             continue
         options = FieldOptions(max_iterations=2000)
-        found = potential_field(
-            robot, checker, scene, HOME, [goal], options, 0, Deadline.after(20.0)
-        )
+        found = asked(robot, scene, HOME, goal, options)
         if found.waypoints is None:
             given_up += 1
             check_ending(robot, scene, goal, options, found)
@@ -138,9 +145,7 @@ def test_a_slow_descent_is_no_local_minimum() -> None:
     adaptive = FieldOptions(connect=False)
     notes = FieldOptions(connect=False, step_sizes=0.2, longest_step=10.0)
     for options, iterations in ((adaptive, 439), (notes, 706)):
-        found = potential_field(
-            robot, Checker.of(robot, scene), scene, start, [goal], options, 0, Deadline.after(20.0)
-        )
+        found = asked(robot, scene, start, goal, options)
         assert found.ending == "arrived", found.detail
         assert abs(found.iterations - iterations) <= 5
     # The notes' iteration, without proofs and limits.
@@ -177,10 +182,7 @@ def test_what_ended_a_descent_is_told_for_what_it_is(
     how = FieldOptions(
         **{"connect": False, "longest_step": 0.01, "repulsive_weights": 0.0} | options
     )
-    result = potential_field(
-        robot, Checker.of(robot, scene), scene, np.array([0.3, 0.0]), [np.array([0.9, 0.0])],
-        how, 0, Deadline.after(20.0),
-    )  # fmt: skip
+    result = asked(robot, scene, np.array([0.3, 0.0]), np.array([0.9, 0.0]), how)
     assert result.waypoints is None
     assert result.ending == ending, result.detail
     assert words in result.detail
@@ -199,19 +201,13 @@ def test_escapes_leave_minima_and_repeat_for_a_seed() -> None:
         if not checker.valid(goal) or checker.free(HOME, goal):
             continue
         tried += 1
-        found = [
-            potential_field(
-                robot, checker, scene, HOME, [goal], options, 1, Deadline.after(20.0)
-            )
-            for options in (QUICK, replace(QUICK, escapes=10, max_iterations=400))
-        ]  # fmt: skip
+        ways = (QUICK, replace(QUICK, escapes=10, max_iterations=400))
+        found = [asked(robot, scene, HOME, goal, options, 1) for options in ways]
         quick += found[0].waypoints is not None
         thorough += found[1].waypoints is not None
         if found[1].waypoints is not None:
             assert checker.polyline(found[1].waypoints)[0].free
-        again = potential_field(
-            robot, checker, scene, HOME, [goal], QUICK, 1, Deadline.after(20.0)
-        )  # fmt: skip
+        again = asked(robot, scene, HOME, goal, QUICK, 1)
         assert np.array_equal(again.visited, found[0].visited)
     assert thorough > quick
 
@@ -229,11 +225,7 @@ def test_the_next_goal_is_tried_where_one_is_not_reached() -> None:
 
 
 def test_the_deadline_ends_it() -> None:
-    robot = builtin("panda")
-    checker = Checker.of(robot, POST)
-    found = potential_field(
-        robot, checker, POST, HOME, [turned()], FieldOptions(), 0, Deadline.after(0.0)
-    )
+    found = asked(builtin("panda"), POST, HOME, turned(), FieldOptions(), seconds=0.0)
     assert found.waypoints is None
     assert "time" in found.detail
 
@@ -285,13 +277,10 @@ CASES = {
 def test_with_the_same_projections_it_takes_the_steps_of_the_kernel(
     case: str, scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    robot = builtin("panda")
-    checker = Checker.of(robot, scene)
-    arguments = (robot, checker, scene, HOME, [turned()])
-    kernel = potential_field(*arguments, CASES[case], 0, Deadline.after(60.0))
+    arguments = builtin("panda"), scene, HOME, turned()
+    kernel = asked(*arguments, CASES[case])
     monkeypatch.setattr(planner_module, "FclProjector", Projector)
-    options = replace(CASES[case], engine="fcl")
-    python = potential_field(*arguments, options, 0, Deadline.after(60.0))
+    python = asked(*arguments, replace(CASES[case], engine="fcl"))
     assert python.iterations == kernel.iterations
     assert python.detail == kernel.detail
     np.testing.assert_allclose(python.visited, kernel.visited, atol=1e-9)
@@ -300,12 +289,8 @@ def test_with_the_same_projections_it_takes_the_steps_of_the_kernel(
 
 
 def test_it_stops_in_time() -> None:
-    robot = builtin("panda")
-    checker = Checker.of(robot, POST)
     options = FieldOptions(engine="fcl", max_iterations=100_000, connect=False, tolerance=1e-9)
-    descent = potential_field(
-        robot, checker, POST, HOME, [turned()], options, 0, Deadline.after(0.002)
-    )
+    descent = asked(builtin("panda"), POST, HOME, turned(), options, seconds=0.002)
     assert descent.waypoints is None
     assert descent.detail == "The time was up."
 
@@ -322,12 +307,8 @@ def ball(radius: float, x: float, y: float) -> Scene:
 
 
 def stopped(scene: Scene, start: Any, goal: Any, **options: Any) -> tuple[FieldResult, Explanation]:
-    robot, settings = arm(), FieldOptions(connect=False, **options)
-    checker = Checker.of(robot, scene)
-    deadline = Deadline.after(20.0)
-    result = potential_field(
-        robot, checker, scene, np.array(start), [np.array(goal)], settings, 0, deadline
-    )
+    settings = FieldOptions(connect=False, **options)
+    result = asked(arm(), scene, np.array(start), np.array(goal), settings)
     assert result.waypoints is None, result.detail
     assert result.explain is not None
     return result, result.explain()
@@ -429,9 +410,7 @@ def test_the_descent_stops_before_what_a_mimic_joint_would_hit(robot: RobotGeome
         assert checker.valid(start)
         assert checker.valid(goal)
         assert checker.valid(0.5 * (start + goal)) == is_free
-        result = potential_field(
-            robot, checker, scene, start, [goal], FieldOptions(), 0, Deadline.after(30.0)
-        )
+        result = asked(robot, scene, start, goal, FieldOptions())
         assert (result.waypoints is not None) == is_free
         assert checker.each_valid(result.visited).all()
 
@@ -447,15 +426,11 @@ def test_a_minimum_at_a_joint_limit_is_no_kink(engine: str, sizes: float | None)
     robot = dh_robot_geometry("planar", DhTable("standard", rows))
     ball = Obstacle("ball", Sphere(0.1), transform(None, [0.85, 0.15, 0.0]))
     scene = Scene((ball,))
-    checker = Checker.of(robot, scene)
     options = FieldOptions(
         engine=engine, step_sizes=sizes, connect=False, repulsive_weights=1e-3,
         influence_distance=0.3, max_iterations=5000, fallback=None,
     )  # fmt: skip
-    found = potential_field(
-        robot, checker, scene, np.array([-0.6, 0.0]), [np.array([0.9, 0.3])], options, 0,
-        Deadline.after(60.0),
-    )  # fmt: skip
+    found = asked(robot, scene, np.array([-0.6, 0.0]), np.array([0.9, 0.3]), options)
     q, force = found.visited[-1], found.joint_force
     assert q[1] == -0.1
     assert force[1] < -1e-3

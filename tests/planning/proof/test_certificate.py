@@ -7,6 +7,7 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.forward import forward
+from kinematics.pose import transform
 from kinematics.trajectory.interpolation import interpolate
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.fcl_distance import FclWorld
@@ -63,12 +64,11 @@ def test_points_of_a_cloud_take_no_more_cells_than_spheres() -> None:
     cells = np.zeros((2, 12))
     for k in range(12):
         points = random.uniform([0.2, -0.3, 0.2], [0.8, 0.3, 0.8], (20, 3))
-        T = np.eye(4)
-        T[:3, 3] = random.uniform(-0.5, 0.5, 3)
+        T = transform(None, random.uniform(-0.5, 0.5, 3))
         cloud = Scene((Obstacle("cloud", PointCloud(points - T[:3, 3], 0.01), T),))
         spheres = Scene(
             tuple(
-                Obstacle(f"{i}", PointCloud(np.zeros((1, 3)), 0.01), _at(p))
+                Obstacle(f"{i}", PointCloud(np.zeros((1, 3)), 0.01), transform(None, p))
                 for i, p in enumerate(points)
             )
         )
@@ -81,12 +81,6 @@ def test_points_of_a_cloud_take_no_more_cells_than_spheres() -> None:
         )
     assert cells.max() < 3000.0
     assert np.all(cells[0] <= 1.5 * cells[1] + 20.0)
-
-
-def _at(p: Array) -> Array:
-    T = np.eye(4)
-    T[:3, 3] = p
-    return T
 
 
 def test_collision_between_coarse_samples_is_found() -> None:

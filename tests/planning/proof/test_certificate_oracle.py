@@ -1,10 +1,12 @@
 """The certificate beside a sweep by FCL alone, on motions chosen to make it lie."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.model.chain import Chain, Limits, Link
+from kinematics.model.chain import Limits
 from kinematics.pose import from_axis_angle, transform
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.fcl_distance import FclWorld
@@ -16,9 +18,10 @@ from planning.proof.certificate import Certificate, certify
 from planning.proof.collision.pair_table import PairTable
 from planning.proof.collision.sweep import DONE, FULL, PAUSED, run
 from planning.proof.collision.sweep_state import enlarge
+from tests.obstacles.collision.test_fcl_distance import slide
 from tests.planning.fcl_sweep import sweep
 from tests.planning.proof.sweeping import start_sweep
-from tests.planning.scenes import builtin
+from tests.planning.scenes import box, builtin
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -28,11 +31,7 @@ def unlimited(robot: RobotGeometry) -> RobotGeometry:
     chain = robot.chain
     none = np.full(chain.n, np.inf)
     limits = Limits(-none, none, none, none, none, none)
-    free = Chain(
-        chain.name, chain.joint_names, chain.joint_types, chain.offsets, chain.links,
-        chain.base_link, chain.tip_link, limits, chain.continuous,
-    )  # fmt: skip
-    return RobotGeometry(free, robot.pieces, robot.links, robot.joints, robot.solids, robot.allowed)
+    return replace(robot, chain=replace(chain, limits=limits))
 
 
 def collision(certificate: Certificate) -> bool:
@@ -136,22 +135,9 @@ def test_directions_from_a_liar_prove_nothing_that_is_false() -> None:
             assert sweep(motion, robot, scene).contact is None
 
 
-def rail(*pieces: Piece, axis: int = 0) -> RobotGeometry:
-    """Solids on a rail along an axis of the base, or turning about z (axis 3)."""
-    one = np.full(1, np.inf)
-    offset = np.eye(4)
-    if axis < 3:
-        offset[:3, :3] = np.roll(np.eye(3), axis - 2, axis=0)
-    types = np.array([0 if axis == 3 else 1])
-    links = (Link("base", -1, np.eye(4)), Link("car", 0, np.eye(4)))
-    chain = Chain(
-        "rail", ("x",), types, offset[None], links, "base", "car",
-        Limits(-one, one, one, one, one, one), np.zeros(1, dtype=bool),
-    )  # fmt: skip
-    back = np.linalg.inv(offset)
-    own = tuple(p.placed(np.asarray(back, dtype=np.float64)) for p in pieces)
-    numbers = np.arange(len(own))
-    return RobotGeometry(chain, own, ("car",) * len(own), 0 * numbers, numbers, {})
+def rail(*pieces: Piece) -> RobotGeometry:
+    """Solids on an endless rail along x."""
+    return unlimited(slide(*pieces))
 
 
 def along(*coefficients: float, duration: float = 1.0) -> Trajectory:
@@ -207,10 +193,12 @@ def test_touching_start_and_goal_are_told() -> None:
 def test_thin_blade_and_fast_spin() -> None:
     """A rod that turns hundreds of times passes a blade a tenth of a millimetre thick."""
     rod = Piece(Sphere(1.0).pieces()[0].kind, np.eye(4), np.array([[0.0, 0, 0], [1.0, 0, 0]]))
-    robot = rail(rod, axis=3)
+    slid = rail(rod)
+    about_z = replace(slid.chain, joint_types=np.array([0]), offsets=np.eye(4)[None])
+    robot = replace(slid, chain=about_z, pieces=(rod,))
     for turns in (0.3, 3.0, 300.0):
         spin = along(0.0, 2.0 * np.pi * turns)
-        blade = box_at([0.05, 1e-4, 0.05], [-0.9, 0.05, 0.0])
+        blade = box("blade", (0.05, 1e-4, 0.05), (-0.9, 0.05, 0.0))
         hit = certify(spin, robot, Scene((blade,)))
         passes = turns > 0.49
         assert hit.verified is not passes
@@ -218,13 +206,10 @@ def test_thin_blade_and_fast_spin() -> None:
             assert hit.violation is not None
             at = 2.0 * np.pi * turns * hit.violation.time
             assert at == pytest.approx(np.pi - np.arctan2(0.05005, 0.875), abs=0.02)
-        over = certify(spin, robot, Scene((box_at([0.05, 1e-4, 0.05], [1.03, 0.05, 0.0]),)))
+        beside = box("blade", (0.05, 1e-4, 0.05), (1.03, 0.05, 0.0))
+        over = certify(spin, robot, Scene((beside,)))
         assert over.verified
         assert over.min_obstacle_clearance >= 0.79 * 0.004
-
-
-def box_at(size: list[float], at: list[float]) -> Obstacle:
-    return Obstacle("blade", Box(np.array(size)), transform(None, at))
 
 
 def test_earliest_of_many_contacts_is_named() -> None:

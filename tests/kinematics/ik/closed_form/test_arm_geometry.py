@@ -11,6 +11,7 @@ from kinematics.ik.numeric.numeric import Axis, SearchOptions, solve
 from kinematics.jacobian import geometric
 from kinematics.model.dh import chain_from_dh
 from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.pose import transform
 from kinematics.robots import builtin_chain
 
 ARMS = ["elbow_wrist", "puma560", "kr6_sixx", "ur5e"]
@@ -214,8 +215,7 @@ def test_the_gap_of_a_stretched_arm_is_the_way_beyond_it() -> None:
 
 def test_the_gap_of_a_planar_arm() -> None:
     chain = builtin_chain("planar_rr")  # two links of 1 m about -y
-    target = np.eye(4)
-    target[:3, 3] = [1.8, 0.0, 2.4]
+    target = transform(None, [1.8, 0.0, 2.4])
     assert out_of_reach(chain, target) == pytest.approx(1.0, abs=1e-12)
     target[:3, 3] = [1.0, 0.5, 0.0]
     assert out_of_reach(chain, target) == pytest.approx(0.5, abs=1e-12)
@@ -247,8 +247,7 @@ def test_the_shoulder_offset_of_the_stanford_arm_bounds_its_reach() -> None:
 
 def test_the_position_of_three_joints() -> None:
     chain = ARTICULATED
-    target = np.eye(4)
-    target[:3, 3] = [0.6, 0.8, 0.4]
+    target = transform(None, [0.6, 0.8, 0.4])
     position: tuple[Axis, ...] = ("x", "y", "z")
     assert out_of_reach(chain, target, axes=position) == pytest.approx(0.15, abs=1e-12)
     assert out_of_reach(chain, target, axes=("x", "y")) is None

@@ -7,6 +7,7 @@ from benchmarks.judges.fcl import FclJudge
 from benchmarks.verdict import clutter
 from compiled.kernel import kernel
 from kinematics.arrays import Array
+from kinematics.pose import transform
 from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import COLLIDING, FREE, MAX_INTERVALS, UNDECIDED
@@ -118,8 +119,7 @@ def test_a_motion_past_a_ball_is_free_to_a_hair(length: float) -> None:
         gap = float(np.linalg.norm(point - start - share * along)) - 0.1
         if gap < 0.05:
             continue
-        T = np.eye(4)
-        T[:3, 3] = point
+        T = transform(None, point)
         model = Checker.of(robot, Scene((Obstacle("ball", Sphere(gap - 0.03), T),))).model.arrays
         assert proof_of(model, start, end, 0.03 - 1e-5, found) == FREE
         assert proof_of(model, start, end, 0.03 + 1e-5, found) == COLLIDING

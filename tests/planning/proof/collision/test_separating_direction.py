@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
+from kinematics.pose import transform
 from obstacles.convex.piece import Piece, PieceArrays, PieceKind
 from obstacles.distance.signed_distance import halfspace_distance, signed_distance
 from planning.proof.collision.separating_direction import direction, gap, highest, rounding_bound
@@ -44,8 +45,7 @@ def test_no_direction_proves_more_than_the_distance(one: str, other: str) -> Non
 
 def test_best_direction_proves_the_distance() -> None:
     ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), offset_radius=0.1)
-    T = np.eye(4)
-    T[:3, 3] = [3.0, 4.0, 0.0]
+    T = transform(None, [3.0, 4.0, 0.0])
     other = Piece(PieceKind.POLYTOPE, T, np.zeros((1, 3)), offset_radius=0.2)
     assert proved([ball, other], np.array([3.0, 4.0, 0.0])) == pytest.approx(4.7)
     assert proved([ball, other], np.array([-3.0, -4.0, 0.0])) == pytest.approx(-5.3)

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinematics.arrays import Array
+from kinematics.pose import transform
 from obstacles.convex.piece import Piece, PieceKind
 from tests.planning.proof.collision.test_separating_direction import proved
 from tests.properties import directions, numbers, transforms
@@ -50,8 +51,7 @@ def test_only_the_direction_counts_not_its_length(a: Piece, b: Piece, u: Array, 
 def test_moving_apart_along_the_direction_proves_as_much_more(
     a: Piece, b: Piece, u: Array, far: float
 ) -> None:
-    T = np.eye(4)
-    T[:3, 3] = far * u
+    T = transform(None, far * u)
     assert proved([a, b.placed(T)], u) == pytest.approx(proved([a, b], u) + far, abs=1e-12)
 
 

@@ -34,6 +34,7 @@ from tests.planning.scenes import HOME, box, builtin, planning_failure
 from tests.planning.tool_boxes import deviations as box_deviations
 from tests.planning.tool_boxes import excess
 
+ORACLE = PinocchioArm()
 SPEED = 0.1
 SPIN = ToolTolerance.of({}, ("rz",), tilt=0.2)
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
@@ -73,7 +74,6 @@ def followed(answer: Plan | Failure) -> Plan:
 
 def deviations(answer: Plan, count: int = 1500) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distance [m], tilt and spin [rad] of the tool from a seam's polyline, by pinocchio."""
-    oracle = PinocchioArm()
     parts = [report for report in answer.tool_motions if report.part == "seam"]
     starts, ends = (
         np.array([getattr(part.motion, name) for part in parts]) for name in ("T_start", "T_end")
@@ -83,7 +83,7 @@ def deviations(answer: Plan, count: int = 1500) -> tuple[np.ndarray, np.ndarray,
     times = np.linspace(parts[0].begins, parts[-1].ends, count)
     rows = []
     for q in answer.trajectory.sample(np.minimum(times, answer.trajectory.duration)):
-        T = oracle.pose(q)
+        T = ORACLE.pose(q)
         since = T[:3, 3] - starts[:, :3, 3]
         shares = np.clip((since * ways).sum(axis=1) / (ways**2).sum(axis=1), 0.0, 1.0)
         apart = np.linalg.norm(since - shares[:, None] * ways, axis=1)
@@ -97,11 +97,10 @@ def deviations(answer: Plan, count: int = 1500) -> tuple[np.ndarray, np.ndarray,
 
 def tool_speeds(answer: Plan) -> np.ndarray:
     """Speeds of the tool along a seam by differences of pinocchio's kinematics [m/s]."""
-    oracle = PinocchioArm()
     parts = [report for report in answer.tool_motions if report.part == "seam"]
     times = np.linspace(parts[0].begins, parts[-1].ends, 2001)
     joints = answer.trajectory.sample(np.minimum(times, answer.trajectory.duration))
-    points = np.array([oracle.pose(q)[:3, 3] for q in joints])
+    points = np.array([ORACLE.pose(q)[:3, 3] for q in joints])
     return np.asarray(np.linalg.norm(np.diff(points, axis=0), axis=1) / (times[1] - times[0]))
 
 
@@ -129,12 +128,11 @@ def test_each_part_of_a_seam_has_the_speed_that_is_asked_for_it() -> None:
     assert sum(band.length for band in use.bands) == pytest.approx(use.length)
     # What the arm does, by pinocchio: part by part no faster than its band, and within it inside.
     parts = [report for report in answer.tool_motions if report.part == "seam"]
-    oracle = PinocchioArm()
     for report in parts:
         asked = waypoints[report.asked + 1].tool_speed or SPEED
         times = np.linspace(report.begins, report.ends, 30)
         joints = answer.trajectory.sample(np.minimum(times, answer.trajectory.duration))
-        points = np.array([oracle.pose(q)[:3, 3] for q in joints])
+        points = np.array([ORACLE.pose(q)[:3, 3] for q in joints])
         speeds = np.linalg.norm(np.diff(points, axis=0), axis=1) / (times[1] - times[0])
         assert speeds.max() <= 1.1 * asked + 1e-6
         if report.asked in (10, 30, 50):
@@ -227,17 +225,16 @@ def test_sharp_corners_are_rests_or_blends() -> None:
     assert [report.blends for report in rounded.tool_motions] == [False, True, True, False]
     rest = still.tool_motions[0].ends
     np.testing.assert_allclose(still.trajectory.sample([rest], 1), 0.0, atol=1e-6)
-    oracle, corner, h = PinocchioArm(), rounded.tool_motions[1].ends, 1e-5
-    a, b = (oracle.pose(rounded.trajectory.sample([t])[0])[:3, 3] for t in (corner, corner + h))
+    corner, h = rounded.tool_motions[1].ends, 1e-5
+    a, b = (ORACLE.pose(rounded.trajectory.sample([t])[0])[:3, 3] for t in (corner, corner + h))
     assert 0.9 * SPEED <= np.linalg.norm(b - a) / h <= 1.1 * SPEED
 
 
 def test_a_box_in_fixed_axes_bounds_the_tool_there() -> None:
     yaw = ToolTolerance.of({"rz": (-0.4, 0.4)}, axes=np.eye(3))
     answer = followed(ask(on_cylinder(30, 0.6), yaw))
-    oracle = PinocchioArm()
     for report in answer.tool_motions[1:]:
-        T = oracle.pose(answer.trajectory.sample([report.begins])[0])
+        T = ORACLE.pose(answer.trajectory.sample([report.begins])[0])
         turn = T[:3, :3] @ report.motion.T_start[:3, :3].T
         assert abs(turn[2, 2] - 1.0) < 1e-5
         assert abs(math.atan2(turn[1, 0], turn[0, 0])) <= 0.4 + 1.1e-3
@@ -377,13 +374,13 @@ def test_ranges_of_position_are_proved_where_the_path_bends(
         points = (SeamWaypoint(first), SeamWaypoint(last, via=middle[:3, 3]))
     box = ToolTolerance.of(dict.fromkeys(axes, (-1e-3, 1e-3)), ("rz",), tilt=0.1)
     answer = followed(ask(points, box))
-    oracle, worst = PinocchioArm(), 0.0
+    worst = 0.0
     wide = box.widened(1e-4, 1e-3)
     for report in answer.tool_motions:
         if report.part != "seam":
             continue
         times = np.linspace(report.begins, min(report.ends, answer.trajectory.duration), 12)
-        T = np.array([oracle.pose(q) for q in answer.trajectory.sample(times)])
+        T = np.array([ORACLE.pose(q) for q in answer.trajectory.sample(times)])
         # The nearest of many places on the motion; between two of them it is off by little.
         places = report.motion.poses(np.linspace(0.0, 1.0, 2001 if is_arc else 201))
         away = np.linalg.norm(T[:, None, :3, 3] - places[None, :, :3, 3], axis=2)
@@ -416,14 +413,13 @@ def test_axes_that_are_asked_for_alone_are_kept_near_the_great_circle(seed: int)
     )
     answer = followed(ask(waypoints, ToolTolerance.of({}, ("rz",), tilt=tilt)))
     assert not answer.notes
-    oracle = PinocchioArm()
     parts = [report for report in answer.tool_motions if report.part == "seam"]
     for part in parts:
         start, end = places[part.asked], places[part.asked + 1]
         way, turned = end - start, np.cross(-outs[part.asked], -outs[part.asked + 1])
         angle = math.asin(float(np.linalg.norm(turned)))
         for q in answer.trajectory.sample(np.linspace(part.begins, part.ends, 60)):
-            T = oracle.pose(q)
+            T = ORACLE.pose(q)
             share = float(np.clip((T[:3, 3] - start) @ way / (way @ way), 0.0, 1.0))
             turn = Rotation.from_rotvec(share * angle * turned / np.linalg.norm(turned))
             axis = turn.apply(-outs[part.asked])
