@@ -1,6 +1,6 @@
 """Configurations moved onto the joint limits where they are hardly outside."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -33,12 +33,7 @@ class LimitViolation:
     @property
     def details(self) -> dict[str, Any]:
         """The violation as values a program can use."""
-        return {
-            "joint": self.joint,
-            "value": self.value,
-            "limit": self.limit,
-            "excess": self.excess,
-        }
+        return asdict(self)
 
 
 def snap_to_limits(

@@ -72,11 +72,8 @@ def certificate_answer(
         "verified": certificate.verified,
         "proved": asdict(certificate.proved) | {"reasons": list(certificate.proved.reasons)},
         "premises": premises_answer(certificate.premises, scene),
-        "min_clearance": certificate.min_clearance,
-        "clearance_pair": certificate.clearance_pair,
-        "min_obstacle_clearance": certificate.min_obstacle_clearance,
-        "min_self_clearance": certificate.min_self_clearance,
-        "method": certificate.method,
+        **picked(certificate, "min_clearance", "clearance_pair", "min_obstacle_clearance"),
+        **picked(certificate, "min_self_clearance", "method"),
         "limits": {
             name: {"worst_ratio": use.worst_ratio, "joint": use.joint, "time": use.time + begins}
             for name, use in certificate.limits.items()

@@ -19,9 +19,7 @@ from obstacles.kept_files import keep_files_in, written_files
 from obstacles.scenes.scene import Scene
 from planning.values.deadline import Deadline
 from service.endpoints.check import task as check_tasks
-from service.endpoints.dynamics import task as dynamics_tasks
 from service.endpoints.ik import task as inverse_kinematics
-from service.endpoints.kinematics import task as kinematics_tasks
 from service.endpoints.plan import task as plan_tasks
 from service.endpoints.potential import task as potential_tasks
 from service.endpoints.retime import task as retime_tasks
@@ -35,18 +33,15 @@ from service.workers.result import PlanOutcome
 _START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 _GOAL = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
 _TIMEOUT = 60.0
-#: One of each kind of solid; the post and the plate are in the straight line's way.
-_SHAPES: dict[str, tuple[dict[str, Any], list[float]]] = {
-    "floor": ({"type": "halfspace", "normal": [0.0, 0.0, 1.0], "offset": -0.2}, [0.0, 0.0, 0.0]),
-    "post": ({"type": "box", "size": [0.1, 0.1, 1.2]}, [0.42, 0.28, 0.6]),
-    "ball": ({"type": "sphere", "radius": 0.05}, [-0.6, 0.3, 0.6]),
-    "can": ({"type": "cylinder", "radius": 0.05, "height": 0.2}, [-0.6, -0.3, 0.6]),
-    "pill": ({"type": "capsule", "radius": 0.05, "height": 0.2}, [-0.6, 0.0, 0.6]),
-    "hat": ({"type": "cone", "radius": 0.05, "height": 0.2}, [-0.6, 0.0, 0.9]),
-    "cloud": (
-        {"type": "point_cloud", "points": [[0, 0, 0], [0, 0, 0.1]], "radius": 0.02},
-        [-1, 0, 0],
-    ),
+#: A post in the straight line's way.
+_SCENE = {
+    "obstacles": [
+        {
+            "id": "post",
+            "shape": {"type": "box", "size": [0.1, 0.1, 1.2]},
+            "pose": {"position": [0.42, 0.28, 0.6]},
+        }
+    ]
 }
 
 
@@ -62,8 +57,6 @@ def steps() -> Iterator[None]:
 
 
 def _requests() -> Iterator[Callable[[], object]]:
-    yield kinematics_tasks.warm
-    yield dynamics_tasks.warm
     for name in builtin_names():
         yield partial(_load, name)
     # Before what needs them: only what is not in memory yet is written for the next server.
@@ -75,9 +68,9 @@ def _requests() -> Iterator[Callable[[], object]]:
     down = {"position": [0.4, -0.2, 0.4], "rpy": [3.1, 0.0, 0.0]}
     yield partial(_ask, inverse_kinematics.ik, panda, {"poses": [down, down]})
     upright = {"type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1]}
-    held = {"constraints": [upright | {"cone_angle": 0.3}], "scene": _scene()}
+    held = {"constraints": [upright | {"cone_angle": 0.3}], "scene": _SCENE}
     yield partial(_ask, inverse_kinematics.ik, panda, held)
-    field = {"joints": _START, "goal_joints": _GOAL, "scene": _scene()}
+    field = {"joints": _START, "goal_joints": _GOAL, "scene": _SCENE}
     yield partial(_ask, potential_tasks.potential, panda, field)
     yield partial(_plan, panda)
     yield partial(_collide, panda)
@@ -105,11 +98,11 @@ def _keep_apart(name: str) -> None:
 def _plan(panda: Reference) -> None:
     """A plan around an obstacle, and the beginning of a closed loop along it."""
     ends = {"start": {"joints": _START}, "goal": {"joints": _GOAL}}
-    answer = _ask(plan_tasks.plan, panda, {"robot": "panda", "scene": _scene(), **ends})
+    answer = _ask(plan_tasks.plan, panda, {"robot": "panda", "scene": _SCENE, **ends})
     if isinstance(answer, PlanOutcome):
         body = {
             "robot": "panda",
-            "scene": _scene(),
+            "scene": _SCENE,
             "trajectory": json.loads(answer.content)["trajectory"],
             "controller": {"type": "adaptive", "natural_frequency": 5.0},
             "duration": 0.02,
@@ -121,7 +114,7 @@ def _collide(panda: Reference) -> None:
     """A motion through the post: what comes close is left to the referee of the proof."""
     rows = [[a, b - a] for a, b in zip(_START, _GOAL, strict=True)]
     segment = {"t0": 0.0, "t1": 1.0, "coefficients": rows}
-    body = {"robot": "panda", "scene": _scene(), "trajectory": {"segments": [segment]}}
+    body = {"robot": "panda", "scene": _SCENE, "trajectory": {"segments": [segment]}}
     _ask(plan_tasks.validate, panda, body)
 
 
@@ -150,21 +143,12 @@ def _uploads(folder: str) -> None:
         "vertices": [*corners.tolist(), *(0.5 * corners + [0.9, 0.9, 0.9]).tolist()],
         "faces": [*faces, *(np.array(faces) + 8).tolist()],
     }
-    scene = _scene()
-    scene["obstacles"].append({"id": "mesh", "shape": mesh, "pose": {"position": [2.0, 2.0, 2.0]}})
-    document = json.dumps({"name": "warm", **scene}).encode()
+    obstacle = {"id": "mesh", "shape": mesh, "pose": {"position": [2.0, 2.0, 2.0]}}
+    document = json.dumps({"name": "warm", "obstacles": [obstacle]}).encode()
     robots.prepare_scene(document, folder, "warm")
     reference = Reference("scene", "warm", prepared_files.document_hash(document), folder)
     points = {"points": [[0.0, 0.0, 0.0], [2.5, 2.5, 2.5], [-0.6, 0.0, 0.6]]}
     check_tasks.project(reference, json.dumps(points).encode())
-
-
-def _scene() -> dict[str, Any]:
-    obstacles = [
-        {"id": name, "shape": shape, "pose": {"position": position}}
-        for name, (shape, position) in _SHAPES.items()
-    ]
-    return {"obstacles": obstacles}
 
 
 def _ask(task: Any, robot: Reference, body: dict[str, Any]) -> Any:

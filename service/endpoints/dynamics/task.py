@@ -35,8 +35,6 @@ from kinematics.model.chain import Chain
 from kinematics.velocity import wrenches_of_torques
 from service.endpoints.kinematics.task import task_jacobian, task_vectors
 from service.fields import listed
-from service.storage.caches import worker_cache
-from service.storage.caches.cache_key import builtin_reference
 from service.translate.payload import loaded_chain
 from service.workers.answer import chain_task, frame_transform, in_frame
 
@@ -242,14 +240,3 @@ def _check_rows(q: Any, F: Any) -> None:
             f"{len(F)} wrenches do not fit {count} configuration(s)",
             hint="Give one wrench for all, or one for each configuration.",
         )
-
-
-def warm() -> None:
-    """Make the kernels ready that one state needs."""
-    chain = worker_cache.chain(builtin_reference("planar_rr"))
-    state = {name: [0.1, 0.2] for name in ("joints", "velocities", "accelerations")}
-    dynamics(chain, DynamicsRequest.model_validate({**state, "wrench": [0.0] * 6}))
-    pushed = {"joints": [0.1, 0.2], "torques": [0.1, 0.2], "wrench": [0.0] * 6}
-    forward_dynamics(chain, ForwardDynamicsRequest.model_validate(pushed))
-    regressor(chain, RegressorRequest.model_validate(state))
-    wrench(chain, WrenchRequest.model_validate({"joints": [0.1, 0.2], "wrench": [0.0] * 6}))

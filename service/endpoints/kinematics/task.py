@@ -41,8 +41,6 @@ from kinematics.velocity import (
     rates_of_task,
     singular_directions,
 )
-from service.storage.caches import worker_cache
-from service.storage.caches.cache_key import builtin_reference
 from service.translate.poses import rounding_notes, transform
 from service.workers.answer import chain_task, frame_transform, in_frame
 from service.workers.task import task
@@ -322,15 +320,3 @@ def _damped_directions(solved: JointVelocities) -> Any:
 fk_task = chain_task(fk, FkRequest)
 jacobian_task = chain_task(jacobian, JacobianRequest)
 velocity_task = chain_task(velocity, VelocityRequest)
-
-
-def warm() -> None:
-    """Make the kernels ready that the server calls itself."""
-    chain = worker_cache.chain(builtin_reference("planar_rr"))
-    for joints in ([0.1, 0.2], [[0.1, 0.2], [0.3, 0.4]]):
-        fk(chain, FkRequest.model_validate({"joints": joints}))
-        jacobian(chain, JacobianRequest.model_validate({"joints": joints}))
-        velocity(
-            chain,
-            VelocityRequest.model_validate({"joints": joints, "joint_velocities": joints}),
-        )
