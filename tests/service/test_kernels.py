@@ -27,6 +27,7 @@ import gc
 from numba.core.dispatcher import Dispatcher
 from service.storage.caches.cache_key import builtin_reference
 from service.warm_up import kernels, warm_requests
+from tests.service.kernel_requests import inverse_kinematics_requests, requests
 
 
 def signatures():
@@ -40,8 +41,10 @@ before = signatures()
 assert len(before) > 20
 for _ in warm_requests.steps():
     pass
+for ask in requests():
+    ask()
 for name in ("ur5e", "stanford", "scara", "iiwa14"):
-    for ask in warm_requests._inverse_kinematics(builtin_reference(name)):
+    for ask in inverse_kinematics_requests(builtin_reference(name)):
         ask()
 print(sorted(name for module, name, _ in signatures() - before))
 """
