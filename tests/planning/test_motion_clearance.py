@@ -1,7 +1,5 @@
 """Whole motions keep the preferred clearance wherever there is room, by FCL's distances."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
@@ -13,14 +11,12 @@ from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box
-from planning.clearance.moving_away import join_ends, retreat
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
 from tests.planning.roomy_scenes import KINDS, with_room
 from tests.planning.scenes import builtin, planned_motion
-from tests.planning.slider import slider
 
 #: The example of the README.
 START = np.array([0.8, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8])
@@ -98,43 +94,3 @@ def test_a_motion_to_a_near_goal_is_near_there_alone_and_says_so() -> None:
     assert (truth[~inside] >= PREFERRED - ACCURACY).all()
     assert abs(span.distance - truth[inside].min()) < 1e-3
     assert span.pair[1] == "post"
-
-
-#: A wall 6 cm beside the ball's edge, for which 10 cm are preferred.
-WALL = Scene((Obstacle("wall", Box((2.0, 0.1, 1.0)), transform(None, (0.0, 0.16, 0.0))),))
-
-
-def slider_checkers() -> tuple[Checker, Checker]:
-    """With 10 cm of clearance, and with none."""
-    least = Checker.of(slider(), WALL)
-    return Checker(least.model.with_margins(0.1, 0.0)), least
-
-
-def test_a_retreat_keeps_the_clearance_and_is_none_where_it_is_kept_already() -> None:
-    roomy, least = slider_checkers()
-    near, far = np.array([0.2, 0.0]), np.array([0.2, -0.3])
-    assert retreat(roomy, least, far) is far
-    away = retreat(roomy, least, near)
-    assert away is not None
-    assert roomy.valid(away)
-    assert np.linalg.norm(away - near) < 0.06
-    both = Scene((*WALL.obstacles, Obstacle("other", Box((2.0, 0.1, 1.0)),
-                                            transform(None, (0.0, -0.16, 0.0)))))  # fmt: skip
-    narrow = Checker.of(slider(), both)
-    assert retreat(Checker(narrow.model.with_margins(0.1, 0.0)), narrow, near) is None
-
-
-def test_legs_to_the_ends_are_near_next_to_these_alone() -> None:
-    roomy, least = slider_checkers()
-    start, goal = np.array([-0.5, 0.0]), np.array([0.5, 0.0])
-    retreats = [retreat(roomy, least, q) for q in (start, goal)]
-    assert all(q is not None for q in retreats)
-    path = join_ends(roomy, least, start, np.array(retreats), goal)
-    assert (path[0] == start).all()
-    assert (path[-1] == goal).all()
-    states = np.concatenate(
-        [a + np.linspace(0.0, 1.0, 400)[:, None] * (b - a) for a, b in pairwise(path)]
-    )
-    near = states[~roomy.each_valid(states)]
-    apart = np.minimum(*(np.linalg.norm(near - end, axis=1) for end in (start, goal)))
-    assert 0.0 < apart.max() < 0.08

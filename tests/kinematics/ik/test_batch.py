@@ -29,13 +29,6 @@ def test_the_parts_are_the_whole_range_once(count: int, threads: int) -> None:
     assert len(parts) <= threads
 
 
-@pytest.mark.parametrize(
-    ("count", "parts"), [(0, 1), (1, 1), (99, 1), (100, 2), (199, 2), (200, 3)]
-)
-def test_few_poses_are_worth_few_threads(count: int, parts: int) -> None:
-    assert len(slices(count, 8)) == parts
-
-
 def test_the_threads_are_those_of_the_processors_where_none_are_named(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

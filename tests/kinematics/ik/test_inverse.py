@@ -1,4 +1,4 @@
-"""Choosing a method and the best solution: options, grids of parameters, ranking and order."""
+"""Choosing a method and the best solution: options, ranking and order."""
 
 from typing import Any
 
@@ -7,8 +7,8 @@ import pytest
 
 from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
-from kinematics.ik.closed_form.analytic import closed_form, parameter
-from kinematics.ik.inverse import METHODS, IkOptions, inverse_kinematics, parameter_grid
+from kinematics.ik.closed_form.analytic import parameter
+from kinematics.ik.inverse import METHODS, IkOptions, inverse_kinematics
 from kinematics.ik.ranking import RANKINGS
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain
@@ -42,32 +42,6 @@ def test_right_options_are_taken() -> None:
             assert IkOptions(method=method, ranking=ranking).all_axes
     assert IkOptions(axes=["rz", "ry", "rx", "z", "y", "x"]).all_axes
     assert not IkOptions(axes=["x"]).all_axes
-
-
-# ---------------------------------------------------------------------------- parameter grids
-
-
-@pytest.mark.parametrize("value", [-3.1, -1.0, 0.0, 0.4, 3.14])
-def test_arm_angles_are_tried_all_around_from_the_nearest(value: float) -> None:
-    chain = builtin_chain("iiwa14")
-    grid = parameter_grid(chain, closed_form(chain), value)
-    away = np.abs((grid - value + np.pi) % (2.0 * np.pi) - np.pi)
-    assert grid[0] == pytest.approx(value)
-    assert (np.diff(away) >= -1e-12).all()
-    assert (np.abs(grid) <= np.pi + 1e-12).all()
-    gaps = np.diff(np.sort(grid))
-    np.testing.assert_allclose(gaps, 2.0 * np.pi / len(grid), atol=1e-12)
-
-
-@pytest.mark.parametrize("value", [-9.0, -2.8, 0.0, 1.3, 9.0])
-def test_a_locked_joint_is_tried_inside_its_limits_from_the_nearest(value: float) -> None:
-    chain = builtin_chain("panda")
-    low, high = chain.limits.lower[6], chain.limits.upper[6]
-    grid = parameter_grid(chain, closed_form(chain), value)
-    assert grid[0] == np.clip(value, low, high)
-    assert (np.diff(np.abs(grid - value)) >= -1e-12).all()
-    assert {float(grid.min()), float(grid.max())} == {low, high}
-    assert np.diff(np.sort(grid)).max() < (high - low) / 40
 
 
 # ------------------------------------------------------------------------------------- methods

@@ -19,7 +19,6 @@ from planning.clearance.levels import (
 )
 from planning.values.preferences import PreferredClearance
 from tests.planning.scenes import box, builtin, pillar
-from tests.planning.slider import slider
 
 RNG = np.random.default_rng(3)
 
@@ -90,19 +89,6 @@ def test_a_margin_above_the_preferred_distance_leaves_no_other_level() -> None:
     assert clearance_levels(wide, PreferredClearance(0.05)) == (wide,)
     between = clearance_levels(wide, PreferredClearance(0.08))
     assert [level.model.margin for level in between] == [0.08, 0.05]
-
-
-#: A block of 0.3 m; the ball of the slider has a radius of 0.05 m.
-BLOCK = Scene((box("block", (0.3, 0.3, 0.3), (0.0, 0.0, 0.0)),))
-
-
-@pytest.mark.parametrize(("y", "edges"), [(0.0, 2000), (0.22, 500), (0.4, 2000)])
-def test_a_straight_motion_that_is_free_but_for_the_clearance_has_a_short_search(
-    y: float, edges: int
-) -> None:
-    levels = clearance_levels(Checker.of(slider(), BLOCK), PreferredClearance(0.04))
-    (trial,) = clearance_trials(levels, np.array([-0.6, y]), np.array([0.6, y]))
-    assert trial.max_edges == edges
 
 
 def test_where_own_links_are_in_the_way_a_second_level_asks_less_of_them() -> None:

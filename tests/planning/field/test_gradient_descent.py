@@ -29,17 +29,6 @@ ACROSS = np.array([0.0, 1.0])
 pytestmark = pytest.mark.parametrize("engine", ["exact", "fcl"])
 
 
-def test_steps_of_their_own_size_grow_while_they_lower_the_potential(engine: str) -> None:
-    slide = Slide(engine, [-0.9, 0.0], [0.9, 0.0], connect=False, longest_step=0.4)
-    slide.descent.step = 0.02
-    assert slide.go(12) in (Outcome.GOING, Outcome.ARRIVED)
-    lengths, grown = slide.steps, 0.02 * GROWTH ** np.arange(8)
-    first = int(np.argmax(grown > 0.4))
-    np.testing.assert_allclose(lengths[:first], grown[:first])
-    assert lengths.max() <= 0.4 + 1e-12
-    assert (np.diff(slide.potentials) < 0.0).all()
-
-
 def test_a_step_over_the_minimum_is_halved_until_it_is_lower(engine: str) -> None:
     """From 0.1 before the goal a step of 0.4 leads 0.3 beyond it; one of 0.1 to the goal."""
     slide = Slide(engine, [0.0, 0.0], [0.1, 0.0], connect=False, longest_step=0.4, tolerance=1e-6)
@@ -99,19 +88,6 @@ def test_where_the_force_vanishes_is_a_local_minimum(engine: str, tolerance: flo
     assert rest(slide.visited[-1, 0]) <= tolerance
     # Nowhere before it.
     assert min(rest(x) for x in slide.visited[:-1, 0]) > tolerance
-
-
-def test_a_walk_goes_across_by_longest_steps_before_the_descent(engine: str) -> None:
-    slide = Slide(
-        engine, [0.3, 0.0], [0.9, 0.0], WALL, connect=False, longest_step=0.05, tolerance=1e-6
-    )
-    assert slide.go(3, ACROSS, 3) == Outcome.GOING
-    np.testing.assert_allclose(slide.visited[:4], [[0.3, 0.05 * k] for k in range(4)], atol=1e-12)
-    assert slide.iterations == 3
-    # It may go uphill: what is lowest counts from here on.
-    assert slide.potentials[3] > slide.potentials[0]
-    assert slide.go(4) == Outcome.GOING
-    assert slide.potentials[4] < slide.potentials[3]
 
 
 def test_a_walk_ends_before_what_is_not_proved(engine: str) -> None:
@@ -198,8 +174,3 @@ class Slide:
     def iterations(self) -> int:
         """Steps taken so far."""
         return self.descent.iterations
-
-    @property
-    def steps(self) -> Array:
-        """How far the joint that moved most moved in each step, shape (k - 1,) [m]."""
-        return np.asarray(np.abs(np.diff(self.visited, axis=0)).max(axis=1))

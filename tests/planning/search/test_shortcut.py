@@ -8,12 +8,9 @@ import pytest
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
-from obstacles.collision.model.kernel_work import workspace
 from obstacles.scenes.scene import Scene
 from planning.search.shortcut import (
     _MAX_CHECKS,
-    Look,
-    looks_free,
     path_is_free,
     shortcut,
 )
@@ -196,10 +193,3 @@ def test_more_waypoints_than_checks_in_the_open_leave_the_ends() -> None:
     """A bisection looks at the last waypoint first."""
     many = np.random.default_rng(1).uniform(-0.9, 0.9, (2 * _MAX_CHECKS, 2))
     np.testing.assert_array_equal(shortcut(OPEN, many, Deadline.after(60.0)), many[[0, -1]])
-
-
-def looks_at_each(checker: Checker, look: Look, points: Array, first: int, last: int) -> bool:
-    """Whether the legs from row ``first`` to ``last`` look free, and the waypoints between."""
-    arrays, work = checker.model.arrays, workspace(checker.model.arrays)
-    legs = (looks_free(arrays, work, look, points[k], points[k + 1]) for k in range(first, last))
-    return all(legs) and all(checker.valid(points[k]) for k in range(first + 1, last))

@@ -20,11 +20,7 @@ from planning.proof.certificate import Certificate
 from planning.proof.violation import Violation
 from planning.result import Failure, Plan
 from planning.timing import motion_timing
-from planning.timing.choice import chosen_parametrization
-from planning.timing.jerk.even_corners import Pieces
-from planning.timing.motion_timing import motions
 from planning.timing.options import Payload, TimingOptions
-from planning.values.deadline import Deadline
 from planning.values.optimize_options import RefineOptions
 from tests.planning.scenes import HOME, builtin, pillar, planned_motion, shelf
 
@@ -195,28 +191,6 @@ def test_a_spline_that_is_not_proved_gives_way_to_the_motion_on_the_path(
     assert answer.timing is not None
     assert answer.timing.solver == "double_s"
     assert [stage.name for stage in answer.stages].count("certificate") == 2
-
-
-@pytest.mark.parametrize(
-    ("spline", "rounded", "solver"),
-    [(True, True, "quintic_spline"), (False, True, "double_s"), (False, False, "quintic_spline")],
-)
-def test_a_spline_keeps_the_clearance_that_its_path_keeps(
-    monkeypatch: pytest.MonkeyPatch, spline: bool, rounded: bool, solver: str
-) -> None:
-    def keeps(_: Checker, motion: Trajectory | Pieces, finely: int = 1) -> bool:
-        return spline if motion.coefficients.shape[2] == 6 else rounded
-
-    monkeypatch.setattr(motion_timing, "_keeps", keeps)
-    checker = Checker.of(builtin("panda"), Scene())
-    points = np.array([HOME, 0.5 * (HOME + ASIDE) + 0.2, ASIDE])
-    chain = builtin("panda").chain
-    timing = TimingOptions()
-    parametrization = chosen_parametrization(timing, chain.joint_names, chain.limits)
-    deadline = Deadline.after(10.0)
-    level = Checker(checker.model)
-    ways = motions(checker, points, parametrization, timing, deadline, [level])
-    assert next(way().solver for way in ways) == solver
 
 
 @pytest.mark.parametrize("margin", [0.05, 0.2, 0.3, 0.5])
