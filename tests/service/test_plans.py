@@ -15,7 +15,7 @@ from service.app import create_app
 from service.http.keeping import answer_digest
 from service.settings import Settings
 from tests.planning.witness.problems import checker, rejected
-from tests.service.processes import wait_until
+from tests.service.jobs.requests import ended, submit
 from tests.service.robots import FLOOR, HOME, answer, bench, problem, scene, solid
 from tests.service.schemas.bodies import BUNDLE
 from tests.service.server import serving
@@ -60,15 +60,6 @@ def replay(client: httpx.Client, plan_id: str, **body: Any) -> dict[str, Any]:
     given = answer(client.post(f"/v1/plans/{plan_id}/replay", json=body))
     ReplayAnswer.model_validate(given)
     return given
-
-
-def finished(client: httpx.Client, job: str) -> dict[str, Any]:
-    """A job that has succeeded."""
-    url = f"/v1/jobs/{job}"
-    assert wait_until(lambda: client.get(url).json()["ended"] is not None, 30.0)
-    ended = answer(client.get(url))
-    assert ended["status"] == "succeeded", ended["error"]
-    return ended
 
 
 def stored(client: httpx.Client, plan_id: str) -> dict[str, Any]:
@@ -197,16 +188,13 @@ def test_malformed_requests_are_not_kept(here: httpx.Client) -> None:
 
 
 def test_answers_of_jobs_are_kept_unless_refused(here: httpx.Client) -> None:
-    later = {"Prefer": "respond-async"}
-    job = finished(here, answer(here.post("/v1/plan", json=PLAN, headers=later), 202)["id"])
+    job = ended(here, submit(here, PLAN))
     plan_id = job["result"]["plan_id"]
     assert job["location"] == f"/v1/plans/{plan_id}"
     assert stored(here, plan_id)["job"] == job["id"]
-    body = PLAN | {"keep": False}
-    job = finished(here, answer(here.post("/v1/plan", json=body, headers=later), 202)["id"])
+    job = ended(here, submit(here, PLAN | {"keep": False}))
     assert "plan_id" not in job["result"]
-    url = f"/v1/plans/{plan_id}/replay"
-    job = finished(here, answer(here.post(url, json={}, headers=later), 202)["id"])
+    job = ended(here, submit(here, {}, f"/v1/plans/{plan_id}/replay"))
     assert job["result"]["same"]
     assert stored(here, job["result"]["plan_id"])["replay_of"] == plan_id
 

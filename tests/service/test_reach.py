@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from armwright_wire.robots.reach import ReachAnswer
-from tests.service.processes import wait_until
+from tests.service.jobs.requests import ended, submit
 from tests.service.robots import FLOOR, POST, answer, problem, scene, solid
 
 DOWN = [1.0, 0.0, 0.0, 0.0]
@@ -94,10 +94,8 @@ def test_a_mesh_holds_what_is_reached(client: httpx.Client) -> None:
     mesh = trimesh.load(io.BytesIO(response.content), file_type="glb", force="mesh", process=False)
     counted = reach(client, "panda", box=BOX, scene=scene(FLOOR, POST))["reached"]
     assert mesh.volume == pytest.approx(counted * 0.1**3, rel=1e-4)
-    waits = client.post("/v1/robots/panda/reach", json=body, headers={"Prefer": "respond-async"})
-    job = f"/v1/jobs/{answer(waits, 202)['id']}"
-    assert wait_until(lambda: client.get(job).json()["status"] == "succeeded", 20.0)
-    assert b64decode(answer(client.get(job))["result"]) == response.content
+    job = ended(client, submit(client, body, "/v1/robots/panda/reach"))
+    assert b64decode(job["result"]) == response.content
 
 
 def test_a_frame_moves_the_poses(client: httpx.Client) -> None:

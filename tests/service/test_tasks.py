@@ -15,7 +15,7 @@ from armwright_wire.plans.task import TaskAnswer, TaskRequest
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from tests.planning.sequence import fingers
-from tests.service.processes import wait_until
+from tests.service.jobs.requests import ended, submit
 from tests.service.robots import HOME, answer, problem, solid
 
 EXAMPLE: Any = TaskRequest.model_json_schema()["examples"][0]
@@ -100,11 +100,7 @@ def test_an_object_that_was_moved_before_is_told_though_no_stage_moves_it(
 
 
 def test_it_is_a_job_with_progress_where_that_is_asked_for(client: httpx.Client) -> None:
-    told = client.post("/v1/tasks", json=TASK, headers={"Prefer": "respond-async"})
-    assert told.status_code == 202
-    at = told.headers["location"]
-    wait_until(lambda: client.get(at).json()["status"] in ("succeeded", "failed"), 30.0)
-    job = client.get(at).json()
+    job = ended(client, submit(client, TASK, "/v1/tasks"))
     assert job["status"] == "succeeded"
     assert len(job["result"]["stages"]) == len(TASK["stages"])
 

@@ -6,8 +6,8 @@ import httpx
 import numpy as np
 import pytest
 
+from tests.service.jobs.requests import ASYNC, batch, ended, submit
 from tests.service.poses import matrix
-from tests.service.processes import wait_until
 from tests.service.robots import answer, problem, solid
 
 HOME = [0.0, -1.2, 1.2, -1.5, -1.5, 0.0]
@@ -152,10 +152,7 @@ def test_a_batch_mounts_a_tool_for_all_or_each(client: httpx.Client, gripper: st
     body = plan_body(gripper)
     goal = body.pop("goal")
     body["problems"] = [{"goal": goal}, {"goal": goal, "tool": "spindle"}]
-    job = answer(client.post("/v1/plan/batch", json=body), 202)
-    place = f"/v1/jobs/{job['id']}"
-    assert wait_until(lambda: answer(client.get(place))["status"] == "succeeded", 30.0)
-    results = answer(client.get(place))["result"]["results"]
+    results = batch(client, body)["result"]["results"]
     tools = [result["certificate"]["premises"]["tool"] for result in results]
     assert tools == ["gripper_a/tip", "spindle/tip"]
 
@@ -280,11 +277,7 @@ def test_a_tool_of_a_large_request_is_mounted_whole(client: httpx.Client) -> Non
 
 def test_a_job_works_with_its_tool(client: httpx.Client, gripper: str) -> None:
     body = plan_body(gripper)
-    headers = {"Prefer": "respond-async"}
-    job = answer(client.post("/v1/plan", json=body, headers=headers), 202)
-    place = f"/v1/jobs/{job['id']}"
-    assert wait_until(lambda: answer(client.get(place))["status"] == "succeeded", 30.0)
-    result = answer(client.get(place))["result"]
+    result = ended(client, submit(client, body))["result"]
     assert result["certificate"]["premises"]["tool"] == "gripper_a/tip"
     refused = body | {"tool": "nothing_such"}
-    problem(client.post("/v1/plan", json=refused, headers=headers), 404, "NOT_FOUND")
+    problem(client.post("/v1/plan", json=refused, headers=ASYNC), 404, "NOT_FOUND")

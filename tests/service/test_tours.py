@@ -7,7 +7,7 @@ import pytest
 
 from armwright_wire.plans.tour import TourAnswer
 from tests.service.conftest import Served
-from tests.service.processes import wait_until
+from tests.service.jobs.requests import ended, submit
 from tests.service.robots import FLOOR, POST, answer, problem, scene
 
 DOWN = [1.0, 0.0, 0.0, 0.0]
@@ -71,10 +71,7 @@ def test_the_same_seed_gives_the_same_bytes(client: httpx.Client) -> None:
 
 def test_as_a_job_it_reports_progress_and_the_same(client: httpx.Client) -> None:
     asked = body(rounds=0)
-    response = client.post("/v1/tours", json=asked, headers={"Prefer": "respond-async"})
-    job = answer(response, 202)["id"]
-    assert wait_until(lambda: client.get(f"/v1/jobs/{job}").json()["status"] == "succeeded", 60.0)
-    result = answer(client.get(f"/v1/jobs/{job}"))["result"]
+    result = ended(client, submit(client, asked, "/v1/tours"))["result"]
     assert result.pop("plan_id")  # answers of jobs are kept
     assert result == answer(client.post("/v1/tours", json=asked))
 

@@ -65,6 +65,12 @@ def batch_of_seeds(count: int) -> StoredRequest:
     return StoredRequest("POST", BATCH_PATH, "application/json", body)
 
 
+def close(*machines: Machine) -> None:
+    """Let no job of some agents end."""
+    for machine in machines:
+        machine.app.open.clear()
+
+
 def contexts(*machines: Machine) -> list[JobContext]:
     return [context for machine in machines for context in machine.app.contexts]
 
@@ -91,8 +97,7 @@ def test_a_late_answer_of_a_frozen_agent_is_refused(postgresql: PostgreSQL, tmp_
     url = postgresql.database()
 
     async def scenario(server: AgentJobs, one: Machine, other: Machine) -> None:
-        one.app.open.clear()
-        other.app.open.clear()
+        close(one, other)
         job = (await server.accept(REQUEST)).id
         await until(lambda: bool(contexts(one, other)))
         slow, quick = (one, other) if one.app.contexts else (other, one)
@@ -115,8 +120,7 @@ def test_an_agent_that_ends_gives_its_jobs_back(postgresql: PostgreSQL, tmp_path
     url = postgresql.database()
 
     async def scenario(server: AgentJobs, one: Machine, other: Machine) -> None:
-        for machine in (one, other):
-            machine.app.open.clear()
+        close(one, other)
         accepted = [(await server.accept(REQUEST)).id for _ in range(6)]
         await until(lambda: len(contexts(one, other)) == 4)
         await one.jobs.stop()
@@ -132,8 +136,7 @@ def test_a_job_is_cancelled_through_a_server(postgresql: PostgreSQL, tmp_path: P
     url = postgresql.database()
 
     async def scenario(server: AgentJobs, one: Machine, other: Machine) -> None:
-        for machine in (one, other):
-            machine.app.open.clear()
+        close(one, other)
         running = (await server.accept(REQUEST)).id
         await until(lambda: bool(contexts(one, other)))
         assert (await server.cancel(running)).status == "cancelled"
@@ -219,8 +222,7 @@ def test_a_batch_that_is_cancelled_takes_its_chunks_along(
     url = postgresql.database()
 
     async def scenario(server: AgentJobs, one: Machine, other: Machine) -> None:
-        for machine in (one, other):
-            machine.app.open.clear()
+        close(one, other)
         job = (await server.accept(batch_of_seeds(20))).id
         await until(lambda: len(contexts(one, other)) == 4)
         contexts(one, other)[0].on_progress(0.5, "1 of 3 problems")
@@ -237,8 +239,7 @@ def test_a_batch_that_is_cancelled_takes_its_chunks_along(
 
 def test_jobs_of_all_servers_count(postgresql: PostgreSQL, tmp_path: Path) -> None:
     async def scenario(server: AgentJobs, one: Machine, other: Machine) -> None:
-        for machine in (one, other):
-            machine.app.open.clear()
+        close(one, other)
         caller = Caller("default", "cell", job_limit=2)
         await server.accept(REQUEST, None, caller)
         await one.jobs.accept(REQUEST, None, caller)
@@ -253,8 +254,7 @@ def test_jobs_of_all_servers_count(postgresql: PostgreSQL, tmp_path: Path) -> No
 
 def test_what_waits_is_counted(postgresql: PostgreSQL, tmp_path: Path) -> None:
     async def scenario(server: AgentJobs, one: Machine, other: Machine) -> None:
-        for machine in (one, other):
-            machine.app.open.clear()
+        close(one, other)
         for _ in range(7):
             await server.accept(REQUEST)
         await until(lambda: len(contexts(one, other)) == 4)
