@@ -57,8 +57,6 @@ def steps() -> Iterator[None]:
 
 
 def _requests() -> Iterator[Callable[[], object]]:
-    for name in builtin_names():
-        yield partial(_load, name)
     # Before what needs them: only what is not in memory yet is written for the next server.
     for name in builtin_names():
         yield partial(_keep_apart, name)
@@ -79,13 +77,8 @@ def _requests() -> Iterator[Callable[[], object]]:
     yield partial(retime_tasks.retime, panda, json.dumps(path).encode())
 
 
-def _load(name: str) -> None:
-    """Build a built-in robot, which workers then need not."""
-    _ = worker_cache.robot(builtin_reference(name)).geometry
-
-
 def _keep_apart(name: str) -> None:
-    """Spheres and grids of a built-in robot's links: up to 0.9 s, which each worker would take.
+    """A built-in robot with spheres and grids of its links, which would take each worker 0.9 s.
 
     They lie beside the machine code from then on, where the next server finds them.
     """
