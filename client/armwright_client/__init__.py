@@ -126,11 +126,14 @@ from armwright_client.robots.robot import RobotUpload as RobotUpload
 from armwright_client.session import ClientOptions as ClientOptions
 from armwright_client.session import Retry as Retry
 from armwright_client.version import VERSION
+from armwright_wire import pose as _pose
 from armwright_wire.base import ArrayLike as ArrayLike
 from armwright_wire.base import RowsLike as RowsLike
 from armwright_wire.base import VectorLike as VectorLike
 from armwright_wire.errors import ArmwrightError as ArmwrightError
 from armwright_wire.errors import InvalidArgument as InvalidArgument
+from armwright_wire.goals import goal as _goal
+from armwright_wire.goals import tool_motion as _tool_motion
 from armwright_wire.goals.constraint import BoxRegion as BoxRegion
 from armwright_wire.goals.constraint import ClearanceConstraint as ClearanceConstraint
 from armwright_wire.goals.constraint import ConstraintUse as ConstraintUse
@@ -145,7 +148,6 @@ from armwright_wire.goals.constraint import SphereRegion as SphereRegion
 from armwright_wire.goals.constraint import ToolSpeedConstraint as ToolSpeedConstraint
 from armwright_wire.goals.constraint import TorqueConstraint as TorqueConstraint
 from armwright_wire.goals.goal import Clearance as Clearance
-from armwright_wire.goals.goal import ClearanceAnswer, CloseSpanAnswer, ConfigurationAnswer
 from armwright_wire.goals.goal import Goal as Goal
 from armwright_wire.goals.goal import GoalCosts as GoalCosts
 from armwright_wire.goals.goal import GoalLike as GoalLike
@@ -153,13 +155,6 @@ from armwright_wire.goals.goal import SingleGoal as SingleGoal
 from armwright_wire.goals.goal import Start as Start
 from armwright_wire.goals.tool_motion import CartesianOptions as CartesianOptions
 from armwright_wire.goals.tool_motion import CornerArc as CornerArc
-from armwright_wire.goals.tool_motion import (
-    CornerArcAnswer,
-    ReferencePoseAnswer,
-    RoundedCornerAnswer,
-    SpeedLimitAnswer,
-    ToolMotionAnswer,
-)
 from armwright_wire.goals.tool_motion import RoundedCorner as RoundedCorner
 from armwright_wire.goals.tool_motion import StraightOffset as StraightOffset
 from armwright_wire.goals.tool_motion import TimedToolMotion as TimedToolMotion
@@ -167,51 +162,41 @@ from armwright_wire.goals.tool_motion import TimedToolMotions as TimedToolMotion
 from armwright_wire.goals.tool_motion import ToolMotion as ToolMotion
 from armwright_wire.goals.tool_motion import ToolTolerance as ToolTolerance
 from armwright_wire.goals.tool_motion import Waypoint as Waypoint
-from armwright_wire.motions.certificate import (
-    CertificateAnswer,
-    PathDeviationAnswer,
-    ProvedAnswer,
-    StopsAnswer,
-    ToolSpeedAnswer,
-    ToolSpeedBandAnswer,
-    ToolToleranceAnswer,
-    WorstStopAnswer,
-)
+from armwright_wire.motions import certificate as _certificate
+from armwright_wire.motions import excitation as _excitation
+from armwright_wire.motions import export as _export
+from armwright_wire.motions import retime as _retime
+from armwright_wire.motions import simulation as _simulation
+from armwright_wire.motions import timing as _timing
+from armwright_wire.motions import trajectory as _trajectory
 from armwright_wire.motions.certificate import LimitUse as LimitUse
 from armwright_wire.motions.certificate import LimitUses as LimitUses
 from armwright_wire.motions.certificate import Premises as Premises
 from armwright_wire.motions.certificate import Stops as Stops
-from armwright_wire.motions.excitation import ExcitationAnswer
 from armwright_wire.motions.excitation import ExcitationRequest as ExcitationRequest
-from armwright_wire.motions.export import ExportAnswer
 from armwright_wire.motions.export import ExportRequest as ExportRequest
 from armwright_wire.motions.export import KeptMotion as KeptMotion
-from armwright_wire.motions.retime import FitAnswer, JointStateBody, RetimeAnswer, SimplifyAnswer
 from armwright_wire.motions.retime import FitRequest as FitRequest
 from armwright_wire.motions.retime import PathBody as PathBody
 from armwright_wire.motions.retime import RetimePath as RetimePath
 from armwright_wire.motions.retime import RetimeRequest as RetimeRequest
 from armwright_wire.motions.retime import RetimeTiming as RetimeTiming
 from armwright_wire.motions.retime import SimplifyRequest as SimplifyRequest
-from armwright_wire.motions.simulation import (
-    ControllerAnswer,
-    LimitUseAnswer,
-    ReferenceAnswer,
-    SimulateAnswer,
-    TubeAnswer,
-)
 from armwright_wire.motions.simulation import RemainingClearance as RemainingClearance
 from armwright_wire.motions.simulation import SimulateRequest as SimulateRequest
 from armwright_wire.motions.timing import RuledLimits as RuledLimits
 from armwright_wire.motions.timing import Timing as Timing
-from armwright_wire.motions.timing import TimingAnswer
-from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
 from armwright_wire.motions.trajectory import Samples as Samples
 from armwright_wire.motions.trajectory import Segment as Segment
+from armwright_wire.plans import batch as _batch
+from armwright_wire.plans import guard as _guard
+from armwright_wire.plans import kept_plan as _kept_plan
+from armwright_wire.plans import plan as _plan
+from armwright_wire.plans import stages as _stages
+from armwright_wire.plans import task as _task
+from armwright_wire.plans import tour as _tour
 from armwright_wire.plans.batch import BatchAnswer as BatchAnswer
 from armwright_wire.plans.batch import BatchRequest as BatchRequest
-from armwright_wire.plans.batch import PartialPlan
-from armwright_wire.plans.guard import GuardAnswer
 from armwright_wire.plans.guard import GuardChange as GuardChange
 from armwright_wire.plans.guard import GuardOpening as GuardOpening
 from armwright_wire.plans.guard import GuardReady as GuardReady
@@ -230,9 +215,7 @@ from armwright_wire.plans.kept_plan import KeptPlanSummary as KeptPlanSummary
 from armwright_wire.plans.kept_plan import PlanList as PlanList
 from armwright_wire.plans.kept_plan import ReplayAnswer as ReplayAnswer
 from armwright_wire.plans.kept_plan import ReplayRequest as ReplayRequest
-from armwright_wire.plans.kept_plan import StopAnswer
 from armwright_wire.plans.kept_plan import StopRequest as StopRequest
-from armwright_wire.plans.plan import DescentAnswer, PathAnswer, PlanAnswer, ProgressAnswer
 from armwright_wire.plans.plan import PlannerName as PlannerName
 from armwright_wire.plans.plan import PlanRequest as PlanRequest
 from armwright_wire.plans.plan import Refine as Refine
@@ -263,40 +246,27 @@ from armwright_wire.plans.stages import RetreatStage as RetreatStage
 from armwright_wire.plans.stages import SeamStage as SeamStage
 from armwright_wire.plans.stages import SetStage as SetStage
 from armwright_wire.plans.stages import SignalStage as SignalStage
-from armwright_wire.plans.stages import StageBody, StageUnion
 from armwright_wire.plans.stages import StraightStage as StraightStage
 from armwright_wire.plans.stages import WaitForStage as WaitForStage
 from armwright_wire.plans.stages import WaitStage as WaitStage
 from armwright_wire.plans.task import EventAnswer as EventAnswer
 from armwright_wire.plans.task import HeldObject as HeldObject
-from armwright_wire.plans.task import (
-    ImprovementAnswer,
-    TaskAnswer,
-    TaskStageAnswer,
-    TrialAnswer,
-    WorldAnswer,
-)
 from armwright_wire.plans.task import MovedObject as MovedObject
 from armwright_wire.plans.task import PlacedObject as PlacedObject
 from armwright_wire.plans.task import TaskRequest as TaskRequest
-from armwright_wire.plans.tour import (
-    LegAnswer,
-    TourAnswer,
-    TourImprovementAnswer,
-    TourSearchAnswer,
-    UnvisitedAnswer,
-    VisitAnswer,
-)
 from armwright_wire.plans.tour import TourGoal as TourGoal
 from armwright_wire.plans.tour import TourRequest as TourRequest
-from armwright_wire.pose import ConvertPoseAnswer, Motion, SingularFormAnswer
 from armwright_wire.pose import ConvertPoseRequest as ConvertPoseRequest
 from armwright_wire.pose import FramedPose as FramedPose
 from armwright_wire.pose import Pose as Pose
 from armwright_wire.pose import PoseForm as PoseForm
 from armwright_wire.pose import PoseForms as PoseForms
+from armwright_wire.robots import calibration as _calibration
+from armwright_wire.robots import identification as _identification
+from armwright_wire.robots import kinematics as _kinematics
+from armwright_wire.robots import lyapunov as _lyapunov
+from armwright_wire.robots import robot as _robot
 from armwright_wire.robots.calibration import Accuracy as Accuracy
-from armwright_wire.robots.calibration import CalibrateAnswer, CorrectionAnswer
 from armwright_wire.robots.calibration import CalibrateRequest as CalibrateRequest
 from armwright_wire.robots.calibration import LinkMargin as LinkMargin
 from armwright_wire.robots.calibration import Plane as Plane
@@ -315,24 +285,18 @@ from armwright_wire.robots.dynamics import PoseFormulas as PoseFormulas
 from armwright_wire.robots.dynamics import RegressorFormulas as RegressorFormulas
 from armwright_wire.robots.dynamics import RegressorRequest as RegressorRequest
 from armwright_wire.robots.dynamics import WrenchRequest as WrenchRequest
-from armwright_wire.robots.identification import (
-    FoundParameterAnswer,
-    IdentifyAnswer,
-)
 from armwright_wire.robots.identification import IdentifyRequest as IdentifyRequest
 from armwright_wire.robots.identification import JointResidual as JointResidual
 from armwright_wire.robots.identification import LogBody as LogBody
 from armwright_wire.robots.kinematics import ArmSides as ArmSides
 from armwright_wire.robots.kinematics import DampedDirection as DampedDirection
 from armwright_wire.robots.kinematics import FkRequest as FkRequest
-from armwright_wire.robots.kinematics import GradientOptions
 from armwright_wire.robots.kinematics import GradientTrace as GradientTrace
 from armwright_wire.robots.kinematics import IkRequest as IkRequest
 from armwright_wire.robots.kinematics import IkSolution as IkSolution
 from armwright_wire.robots.kinematics import JacobianRequest as JacobianRequest
 from armwright_wire.robots.kinematics import Unsolved as Unsolved
 from armwright_wire.robots.kinematics import VelocityRequest as VelocityRequest
-from armwright_wire.robots.lyapunov import FormAnswer, LasalleAnswer, LyapunovAnswer
 from armwright_wire.robots.lyapunov import LyapunovRequest as LyapunovRequest
 from armwright_wire.robots.lyapunov import PendulumParameters as PendulumParameters
 from armwright_wire.robots.lyapunov import Pole as Pole
@@ -348,7 +312,6 @@ from armwright_wire.robots.reach import ReachRequest as ReachRequest
 from armwright_wire.robots.reach import ReachTolerance as ReachTolerance
 from armwright_wire.robots.robot import BodySurface as BodySurface
 from armwright_wire.robots.robot import DefaultLimits as DefaultLimits
-from armwright_wire.robots.robot import DhAnswer, DhRowAnswer, RobotAnswer
 from armwright_wire.robots.robot import DhRow as DhRow
 from armwright_wire.robots.robot import DhTable as DhTable
 from armwright_wire.robots.robot import FingerJoint as FingerJoint
@@ -365,7 +328,7 @@ from armwright_wire.robots.robot import RobotInertias as RobotInertias
 from armwright_wire.robots.robot import RobotList as RobotList
 from armwright_wire.robots.robot import RobotSummary as RobotSummary
 from armwright_wire.robots.robot import SuspectedPair as SuspectedPair
-from armwright_wire.scenes.check import AllowedAnswer
+from armwright_wire.scenes import check as _check
 from armwright_wire.scenes.check import Attached as Attached
 from armwright_wire.scenes.check import CheckRequest as CheckRequest
 from armwright_wire.scenes.check import Collision as Collision
@@ -409,69 +372,69 @@ from armwright_wire.scenes.tool import Torch as Torch
 __version__ = VERSION
 
 # Shorter names of answers, and of parts of requests.
-AllowedPair = AllowedAnswer
-BatchProblem = PartialPlan
-Calibration = CalibrateAnswer
-Certificate = CertificateAnswer
-ClearanceReport = ClearanceAnswer
-CloseSpan = CloseSpanAnswer
-ConfigurationReport = ConfigurationAnswer
-ConvertedPose = ConvertPoseAnswer
-CornerArcReport = CornerArcAnswer
-Correction = CorrectionAnswer
-DerivedDh = DhAnswer
-Descent = DescentAnswer
-DhParameters = DhRowAnswer
-Excitation = ExcitationAnswer
-Export = ExportAnswer
-Fitted = FitAnswer
-FoundParameter = FoundParameterAnswer
-Gradient = GradientOptions
-Identification = IdentifyAnswer
-GuardVerdict = GuardAnswer
-Improvement = ImprovementAnswer
-JointPath = PathAnswer
-JointState = JointStateBody
-Lasalle = LasalleAnswer
-Leg = LegAnswer
-LimitValues = LimitsBody
-Lyapunov = LyapunovAnswer
-PathDeviation = PathDeviationAnswer
-Plan = PlanAnswer
-PoseMotion = Motion
-Progress = ProgressAnswer
-Proved = ProvedAnswer
-QuadraticForm = FormAnswer
-ReferencePose = ReferencePoseAnswer
-Retimed = RetimeAnswer
-Simplified = SimplifyAnswer
-Robot = RobotAnswer
-RoundedCornerReport = RoundedCornerAnswer
-SimulatedController = ControllerAnswer
-Simulation = SimulateAnswer
-SimulationReference = ReferenceAnswer
-SingularForm = SingularFormAnswer
-SpeedLimit = SpeedLimitAnswer
-Stop = StopAnswer
-StopsReport = StopsAnswer
-TaskPlan = TaskAnswer
-TaskStage = StageUnion
-TaskStageReport = TaskStageAnswer
-TaskStageRequest = StageBody
-TaskWorld = WorldAnswer
-TimedTrajectory = TrajectoryAnswer
-TimingReport = TimingAnswer
-ToolMotionReport = ToolMotionAnswer
-ToolSpeed = ToolSpeedAnswer
-ToolSpeedBand = ToolSpeedBandAnswer
-ToolToleranceUse = ToolToleranceAnswer
-Tour = TourAnswer
-TourImprovement = TourImprovementAnswer
-TourSearch = TourSearchAnswer
-TrackedLimitUse = LimitUseAnswer
-Trajectory = TrajectoryBody
-Trial = TrialAnswer
-Tube = TubeAnswer
-Unvisited = UnvisitedAnswer
-Visit = VisitAnswer
-WorstStop = WorstStopAnswer
+AllowedPair = _check.AllowedAnswer
+BatchProblem = _batch.PartialPlan
+Calibration = _calibration.CalibrateAnswer
+Certificate = _certificate.CertificateAnswer
+ClearanceReport = _goal.ClearanceAnswer
+CloseSpan = _goal.CloseSpanAnswer
+ConfigurationReport = _goal.ConfigurationAnswer
+ConvertedPose = _pose.ConvertPoseAnswer
+CornerArcReport = _tool_motion.CornerArcAnswer
+Correction = _calibration.CorrectionAnswer
+DerivedDh = _robot.DhAnswer
+Descent = _plan.DescentAnswer
+DhParameters = _robot.DhRowAnswer
+Excitation = _excitation.ExcitationAnswer
+Export = _export.ExportAnswer
+Fitted = _retime.FitAnswer
+FoundParameter = _identification.FoundParameterAnswer
+Gradient = _kinematics.GradientOptions
+Identification = _identification.IdentifyAnswer
+GuardVerdict = _guard.GuardAnswer
+Improvement = _task.ImprovementAnswer
+JointPath = _plan.PathAnswer
+JointState = _retime.JointStateBody
+Lasalle = _lyapunov.LasalleAnswer
+Leg = _tour.LegAnswer
+LimitValues = _trajectory.LimitsBody
+Lyapunov = _lyapunov.LyapunovAnswer
+PathDeviation = _certificate.PathDeviationAnswer
+Plan = _plan.PlanAnswer
+PoseMotion = _pose.Motion
+Progress = _plan.ProgressAnswer
+Proved = _certificate.ProvedAnswer
+QuadraticForm = _lyapunov.FormAnswer
+ReferencePose = _tool_motion.ReferencePoseAnswer
+Retimed = _retime.RetimeAnswer
+Simplified = _retime.SimplifyAnswer
+Robot = _robot.RobotAnswer
+RoundedCornerReport = _tool_motion.RoundedCornerAnswer
+SimulatedController = _simulation.ControllerAnswer
+Simulation = _simulation.SimulateAnswer
+SimulationReference = _simulation.ReferenceAnswer
+SingularForm = _pose.SingularFormAnswer
+SpeedLimit = _tool_motion.SpeedLimitAnswer
+Stop = _kept_plan.StopAnswer
+StopsReport = _certificate.StopsAnswer
+TaskPlan = _task.TaskAnswer
+TaskStage = _stages.StageUnion
+TaskStageReport = _task.TaskStageAnswer
+TaskStageRequest = _stages.StageBody
+TaskWorld = _task.WorldAnswer
+TimedTrajectory = _trajectory.TrajectoryAnswer
+TimingReport = _timing.TimingAnswer
+ToolMotionReport = _tool_motion.ToolMotionAnswer
+ToolSpeed = _certificate.ToolSpeedAnswer
+ToolSpeedBand = _certificate.ToolSpeedBandAnswer
+ToolToleranceUse = _certificate.ToolToleranceAnswer
+Tour = _tour.TourAnswer
+TourImprovement = _tour.TourImprovementAnswer
+TourSearch = _tour.TourSearchAnswer
+TrackedLimitUse = _simulation.LimitUseAnswer
+Trajectory = _trajectory.TrajectoryBody
+Trial = _task.TrialAnswer
+Tube = _simulation.TubeAnswer
+Unvisited = _tour.UnvisitedAnswer
+Visit = _tour.VisitAnswer
+WorstStop = _certificate.WorstStopAnswer
