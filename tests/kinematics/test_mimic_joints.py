@@ -12,7 +12,7 @@ from kinematics.jacobian import geometric, geometric_rate, pose_and_jacobian
 from kinematics.model.chain import Chain, parents
 from kinematics.tree.serial_chain import select, serial_chain
 from kinematics.urdf.urdf import parse_urdf
-from tests.mimic_joints import MIMIC_JOINTS, configurations, mimic_positions, urdf
+from tests.mimic_joints import MIMIC_JOINTS, configurations, mimic_positions, mimic_robot, urdf
 from tests.planning.pinocchio_arm import PinocchioArm
 
 CARRIED = ("crank", "rod", "cover", "flap", "piston", "drum")
@@ -20,7 +20,7 @@ CARRIED = ("crank", "rod", "cover", "flap", "piston", "drum")
 
 @pytest.fixture(scope="module")
 def chain() -> Chain:
-    return serial_chain(parse_urdf(urdf()), tip_link="flange")
+    return mimic_robot().chain
 
 
 @pytest.fixture(scope="module")

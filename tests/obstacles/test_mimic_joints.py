@@ -7,21 +7,18 @@ import pytest
 
 from benchmarks.judges.fcl import FclJudge
 from kinematics.forward import link_poses
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
-from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Sphere
-from tests.mimic_joints import configurations, urdf
+from tests.mimic_joints import configurations, mimic_robot
 from tests.obstacles.collision.test_edge_check_oracle import at, edges
 from tests.obstacles.solids import random_transform
 
 
 @pytest.fixture(scope="module")
 def robot() -> RobotGeometry:
-    description = parse_urdf(urdf())
-    return robot_geometry(serial_chain(description, tip_link="flange"), description)
+    return mimic_robot()
 
 
 def scene(seed: int) -> Scene:

@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.ik.numeric.numeric import SearchOptions, solve
+from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain, Limits, Link
 from kinematics.pose import from_axis_angle, inverse, rotation_x, rotation_z, transform
 from tests.kinematics.samples import random_rotation
@@ -105,3 +107,13 @@ def random_joints(chain: Chain, count: int, seed: int) -> Array:
     """Configurations inside the limits, shape (count, n)."""
     lower, upper = chain.sampling_bounds()
     return np.random.default_rng(seed).uniform(lower, upper, (count, chain.n))
+
+
+def searched(chain: Chain, T: Array, found: Array, seed: int) -> int:
+    """Count what search finds of a pose away from singularities, all of it among those found."""
+    search = solve(chain, T, SearchOptions(seed=seed, starts=60), solutions=16).solutions
+    joints = [solution.joints for solution in search]
+    least = [np.linalg.svd(geometric(chain, q), compute_uv=False)[-1] for q in joints]
+    regular = [q for q, value in zip(joints, least, strict=True) if value >= 1e-2]
+    assert all(apart(found, q).min() < 1e-3 for q in regular)
+    return len(regular)

@@ -1,5 +1,6 @@
 """What the branches of any six-joint arm have in common, whatever form solves it."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -63,16 +64,16 @@ def regular_cases(chain: Chain, seed: int, count: int) -> list[tuple[Array, Arra
     return cases
 
 
-def turned_before(chain: Chain, T: Array, angle: float) -> Array:
-    """The pose that joint 1 alone brings T to by a turn."""
-    A = chain.offsets[0]
-    return np.asarray(A @ transform(rotation_z(angle)) @ inverse(A) @ T)
-
-
-def turned_behind(chain: Chain, T: Array, angle: float) -> Array:
-    """The pose that the last joint alone brings T to by a turn."""
-    tip = chain.tip.T_joint_link
-    return np.asarray(T @ inverse(tip) @ transform(rotation_z(angle)) @ tip)
+def turned(
+    chain: Chain, T: Array, table: Branches, angle: float
+) -> Iterator[tuple[Branches, Array]]:
+    """Branches of the poses that joint 1 and joint 6 bring T to, and what they should be."""
+    A, tip = chain.offsets[0], chain.tip.T_joint_link
+    turn = transform(rotation_z(angle))
+    for joint, pose in ((0, A @ turn @ inverse(A) @ T), (5, T @ inverse(tip) @ turn @ tip)):
+        moved = table.joints.copy()
+        moved[:, joint] += angle
+        yield branches(chain, pose), moved
 
 
 def scaled(chain: Chain, factor: float) -> Chain:

@@ -10,7 +10,7 @@ from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.closed_form.analytic import branches, closed_form
 from kinematics.ik.inverse import inverse_kinematics
-from kinematics.ik.numeric.numeric import SearchOptions, solve, solve_many
+from kinematics.ik.numeric.numeric import SearchOptions, solve_many
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
@@ -20,6 +20,7 @@ from tests.kinematics.ik.arms import (
     arm_of,
     calibrated,
     edge_configuration,
+    searched,
 )
 from tests.kinematics.ik.symmetries import distance, regular, regular_cases, wrapped
 
@@ -49,14 +50,8 @@ def test_branches_are_right_and_come_in_pairs_of_opposite_determinants(
 def test_turning_the_first_or_last_joint_turns_its_angle_in_every_branch(name: str) -> None:
     chain = free_arm(name, 1e-3)
     for k, (_, T, table) in enumerate(regular_cases(chain, 2, 3)):
-        angle = -1.0 + 0.7 * k
-        for joint, pose in (
-            (0, symmetries.turned_before(chain, T, angle)),
-            (5, symmetries.turned_behind(chain, T, angle)),
-        ):
-            moved = table.joints.copy()
-            moved[:, joint] += angle
-            assert distance(branches(chain, pose).joints, moved) < 1e-7
+        for other, moved in symmetries.turned(chain, T, table, -1.0 + 0.7 * k):
+            assert distance(other.joints, moved) < 1e-7
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -162,11 +157,7 @@ def test_calibrated_arms_keep_their_branches(name: str, size: float) -> None:
             assert apart(found.joints, q).min() < 1e-6
             if k > 1:
                 continue
-            for other in solve(chain, T, SearchOptions(seed=k, starts=60), solutions=16).solutions:
-                if np.linalg.svd(geometric(chain, other.joints), compute_uv=False)[-1] < 1e-2:
-                    continue
-                compared += 1
-                assert apart(found.joints, other.joints).min() < 1e-3
+            compared += searched(chain, T, found.joints, k)
     assert compared > 20
 
 

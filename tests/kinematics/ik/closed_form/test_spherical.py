@@ -65,14 +65,7 @@ def test_the_sign_of_the_shoulder_is_the_side_of_the_wrist_that_joint_1_turned_t
 def test_turning_the_first_or_last_joint_turns_its_angle_in_every_branch(kind: str) -> None:
     chain = arm(kind, 3)
     for k, (_, T, table) in enumerate(regular_cases(chain, 3, 4)):
-        angle = -2.0 + k
-        for joint, pose in (
-            (0, symmetries.turned_before(chain, T, angle)),
-            (5, symmetries.turned_behind(chain, T, angle)),
-        ):
-            other = branches(chain, pose)
-            moved = table.joints.copy()
-            moved[:, joint] += angle
+        for other, moved in symmetries.turned(chain, T, table, -2.0 + k):
             assert distance(other.joints, moved) < 1e-8
             assert sorted(labels(other)) == sorted(labels(table))
 

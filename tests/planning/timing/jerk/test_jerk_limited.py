@@ -30,14 +30,9 @@ from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import effort_rows
 from planning.values.limits import EffortLimits
 from tests.planning.scenes import HOME, builtin
+from tests.planning.timing.timed_paths import PANDA_ACCELERATION, PANDA_VELOCITY, names
 
-VELOCITY = np.array([2.175] * 4 + [2.61] * 3)
-ACCELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
-JERK = np.array([7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0])
-
-
-def names(n: int) -> tuple[str, ...]:
-    return tuple(f"joint{i}" for i in range(n))
+JERK = 500.0 * PANDA_ACCELERATION
 
 
 def timed(path: JointPath, *limits: Array) -> Trajectory:
@@ -47,7 +42,7 @@ def timed(path: JointPath, *limits: Array) -> Trajectory:
 @pytest.mark.parametrize("softness", [1.0, 10.0, 100.0])
 @pytest.mark.parametrize("part", [1.0, 0.3])
 def test_limits_hold_and_corners_cost_less_than_stops(softness: float, part: float) -> None:
-    limits = VELOCITY, ACCELERATION, JERK / softness
+    limits = PANDA_VELOCITY, PANDA_ACCELERATION, JERK / softness
     rng = np.random.default_rng(int(softness))
     for _ in range(3):
         waypoints = rng.uniform(-2.0, 2.0, (10, 7))
