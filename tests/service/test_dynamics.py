@@ -134,14 +134,6 @@ def test_the_shortest_control_period_that_is_allowed_reaches_the_end(client: htt
     assert found["notes"] == []
 
 
-def test_the_planar_arm_has_the_inertia_of_a_rod(client: httpx.Client) -> None:
-    chain = builtin_chain("planar_rr")
-    for name in ("link_1", "link_2"):
-        inertia = chain.link(name).inertia
-        assert inertia is not None
-        assert inertia.tensor[2, 2] == inertia.mass * 1.0**2 / 12.0
-
-
 URL = "/v1/robots/panda/forward-dynamics"
 TORQUES = [1.0, -20.0, 3.0, 15.0, 0.5, 1.0, -0.2]
 

@@ -80,18 +80,9 @@ def test_the_field_tells_where_it_went(client: httpx.Client) -> None:
     assert told["joints"][0] == HOME
     assert told["potentials"][-1] < told["potentials"][0]
     assert found["progress"] == []
-    stuck = problem(
-        client.post(
-            "/v1/plan",
-            json=BODY
-            | {
-                "planner": "potential_field",
-                "planner_options": {"max_iterations": 1, "fallback": None},
-            },
-        ),
-        422,
-        "PLANNING_FAILED",
-    )
+    short = {"max_iterations": 1, "fallback": None}
+    body = BODY | {"planner": "potential_field", "planner_options": short}
+    stuck = problem(client.post("/v1/plan", json=body), 422, "PLANNING_FAILED")
     assert stuck["details"]["iterations"] == 1
     assert len(stuck["details"]["joints"]) == 7
     assert stuck["details"]["potential"] > 0.0

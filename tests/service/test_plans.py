@@ -177,13 +177,12 @@ def test_a_failure_is_kept_with_its_reason(here: httpx.Client) -> None:
 
 def test_malformed_requests_are_not_kept(here: httpx.Client) -> None:
     count = len(answer(here.get("/v1/plans"))["plans"])
-    problem(
-        here.post("/v1/plan", json=PLAN | {"keep": True, "timeout": 1e4}), 422, "VALIDATION_ERROR"
-    )
-    problem(here.post("/v1/plan", json=PLAN | {"keep": True, "robot": "nobody"}), 404, "NOT_FOUND")
-    problem(
-        here.post("/v1/plan", json=PLAN | {"keep": True, "unknown": 1}), 422, "VALIDATION_ERROR"
-    )
+    for wrong, status, code in (
+        ({"timeout": 1e4}, 422, "VALIDATION_ERROR"),
+        ({"robot": "nobody"}, 404, "NOT_FOUND"),
+        ({"unknown": 1}, 422, "VALIDATION_ERROR"),
+    ):
+        problem(here.post("/v1/plan", json=PLAN | {"keep": True} | wrong), status, code)
     assert len(answer(here.get("/v1/plans"))["plans"]) == count
 
 

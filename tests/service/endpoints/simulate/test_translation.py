@@ -84,13 +84,9 @@ def test_the_gains_given_are_the_gains_used(name: str) -> None:
 @pytest.mark.parametrize("name", KINDS)
 def test_gains_are_given_whole_or_placed_but_not_both(name: str) -> None:
     first, second = GAINS[name]
-    for fields in (
-        {},
-        {first: 1.0},
-        {second: 1.0},
-        {first: 1.0, second: 1.0, "natural_frequency": 1.0},
-        {second: 1.0, "natural_frequency": 1.0},
-    ):
+    placed = {"natural_frequency": 1.0}
+    one, other = {first: 1.0}, {second: 1.0}
+    for fields in ({}, one, other, one | other | placed, other | placed):
         with pytest.raises(InvalidOption, match=f"either {first} and {second}, or natural") as no:
             made(type=name, **fields)
         assert no.value.details["gains"] == [first, second]
