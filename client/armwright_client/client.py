@@ -16,12 +16,12 @@ from armwright_client.call import (
 from armwright_client.endpoints import (
     JobEndpoints,
     PlanEndpoints,
-    RobotEndpoints,
     SceneEndpoints,
     ServiceEndpoints,
     ToolEndpoints,
 )
 from armwright_client.job import Job
+from armwright_client.robot_endpoints import RobotEndpoints
 from armwright_client.session import AsyncSession, ClientOptions, Session, Wire
 from armwright_wire.plans.kept_plan import KeptPlanSummary
 from armwright_wire.robots.robot import RobotSummary

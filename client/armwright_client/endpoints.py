@@ -33,7 +33,7 @@ from armwright_client.options.plan_options import (
     TourOptions,
     ValidateOptions,
 )
-from armwright_client.robot_endpoints import RobotEndpoints, page
+from armwright_client.robot_endpoints import page
 from armwright_wire.base import RowsLike, VectorLike
 from armwright_wire.goals.goal import GoalLike, Start, as_goal
 from armwright_wire.motions.certificate import CertificateAnswer as Certificate
@@ -93,15 +93,6 @@ from armwright_wire.scenes.scene import (
     SceneSummary,
 )
 from armwright_wire.scenes.tool import NamedTool, Tool, ToolList, ToolSummary
-
-__all__ = [
-    "JobEndpoints",
-    "PlanEndpoints",
-    "RobotEndpoints",
-    "SceneEndpoints",
-    "ServiceEndpoints",
-    "ToolEndpoints",
-]
 
 
 class SceneEndpoints:
