@@ -65,6 +65,8 @@ if TYPE_CHECKING:
     from service.endpoints.tasks.task import plan_sequence as plan_sequence
     from service.endpoints.tours.task import tour as tour
 
+#: Package of the tasks; a wheel has it at a longer name.
+_PLACE = "service.endpoints"
 #: Grace of the tasks that mind their deadline themselves; at it, workers with others are ended.
 _GRACES = {
     "plan_part": GRACE + TURN,
@@ -98,7 +100,7 @@ def _references() -> dict[str, TaskReference[..., Any]]:
     """Reference of each task that this file imports for type checkers."""
     found: dict[str, TaskReference[..., Any]] = {}
     for node in ast.walk(ast.parse(Path(__file__).read_text("utf-8"))):
-        if isinstance(node, ast.ImportFrom) and str(node.module).startswith("service.endpoints."):
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith(_PLACE):
             for task in [item.name for item in node.names]:
                 name = f"{node.module}:{task.removesuffix('_task')}"
                 found[task] = TaskReference(name, _GRACES.get(task, 0.0))

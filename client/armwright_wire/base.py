@@ -152,15 +152,6 @@ class Body(Wire):
             if field is not None and [field.default] == [*get_args(field.annotation)]:
                 cls.tag = name
 
-    @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        """Check what is given together, before the rules of a form of its own."""
-        if self.one_of:
-            exactly_one(self, self.one_of)
-        if self.only_beside:
-            check_company(self)
-        return self
-
     @classmethod
     def of(cls, **fields: Any) -> Self:
         """The request with the fields that are not None."""
@@ -194,6 +185,19 @@ class Body(Wire):
             inner = handler.resolve_ref_schema(schema)
             inner["allOf"] = [*inner.get("allOf", ()), *rules]
         return schema
+
+
+class BodyWithRules(Body):
+    """A request with rules on what is given together; others need no validator of their own."""
+
+    @model_validator(mode="after")
+    def _check_rules(self) -> Self:
+        """Check what is given together, before the rules of a form of its own."""
+        if self.one_of:
+            exactly_one(self, self.one_of)
+        if self.only_beside:
+            check_company(self)
+        return self
 
 
 class Answer(Wire):

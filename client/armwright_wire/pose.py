@@ -12,6 +12,7 @@ from armwright_wire.base import (
     AS_LIST,
     Answer,
     Body,
+    BodyWithRules,
     Coordinate,
     Frame,
     Matrix3,
@@ -288,7 +289,7 @@ class Motion(PoseForm):
     )
 
 
-class ConvertPoseRequest(Body):
+class ConvertPoseRequest(BodyWithRules):
     """A pose, or motions to be composed, to be answered in every form."""
 
     one_of: ClassVar[tuple[str, ...]] = ("pose", "motions")

@@ -13,6 +13,7 @@ import platformdirs
 from rich.console import Console
 
 from armwright.first_use import compile_at_first_use
+from armwright_wire import base
 from armwright_wire.robots.robot import RobotBody
 from armwright_wire.scenes.scene import ProjectRequest, Scene
 from armwright_wire.scenes.tool import BUILTIN_TOOLS
@@ -35,6 +36,8 @@ from service.validation import validate_as
 from service.workers import current
 from service.workers.result import PlanOutcome, TaskProblem
 
+#: Package of the tasks; a wheel has it, as that of the models, at a longer name.
+_TASKS = "service.endpoints"
 #: Prepared robots of files take up to this many bytes of the user's cache.
 _CACHE_BYTES = 512 * 2**20
 #: The first attempt may find that a robot is not prepared.
@@ -280,8 +283,8 @@ class LocalBackend:
         body: dict[str, Any],
     ) -> bytes:
         """The answer to a request that may name a scene, which is prepared."""
-        validate_as(_load(f"armwright_wire.{endpoint.model}"), body)
-        task = _load(f"service.endpoints.{endpoint.task}")
+        validate_as(_load(f"{base.__package__}.{endpoint.model}"), body)
+        task = _load(f"{_TASKS}.{endpoint.task}")
         found = None if robot is None else self._reference(robot)
         kept = body.get("plan")
         asked = kept["request"] if isinstance(kept, dict) else body

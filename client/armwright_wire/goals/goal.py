@@ -10,6 +10,7 @@ from armwright_wire.base import (
     Answer,
     Beside,
     Body,
+    BodyWithRules,
     Frame,
     JointVector,
     Label,
@@ -25,7 +26,7 @@ MAX_GOALS = 1_000
 Tolerance = Annotated[Positive, Field(le=10.0)]
 
 
-class Start(Body):
+class Start(BodyWithRules):
     """Start of the motion."""
 
     one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "plan")
@@ -60,7 +61,7 @@ class Start(Body):
         return self
 
 
-class SingleGoal(Body):
+class SingleGoal(BodyWithRules):
     """A configuration, or a pose of the tip within tolerances."""
 
     one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "pose")

@@ -11,6 +11,7 @@ from armwright_wire.base import (
     Answer,
     Beside,
     Body,
+    BodyWithRules,
     Frame,
     NonNegative,
     Point,
@@ -157,7 +158,7 @@ Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
 Ends = Annotated[Sequence[NonNegative], AS_LIST, Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
 
 
-class ToolCurve(Body):
+class ToolCurve(BodyWithRules):
     """A motion of the tool from where it is: what all kinds of them have."""
 
     goes_by_fields: ClassVar[bool] = True
@@ -261,7 +262,7 @@ class RoundedCorner(Body):
     )
 
 
-class CartesianOptions(Body):
+class CartesianOptions(BodyWithRules):
     """`planner_options` of the planner "cartesian"."""
 
     only_beside: ClassVar[Beside] = {

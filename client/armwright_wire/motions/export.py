@@ -8,6 +8,7 @@ from armwright_wire.base import (
     Answer,
     Beside,
     Body,
+    BodyWithRules,
     Frame,
     Label,
     Name,
@@ -62,7 +63,7 @@ PlanSource = Annotated[
 ]
 
 
-class ExportRequest(WithTool, WithFingers):
+class ExportRequest(WithTool, WithFingers, BodyWithRules):
     """A motion to be written for a controller, and proved as the controller interpolates it."""
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("ExportRequest")})

@@ -9,6 +9,7 @@ from armwright_wire.base import (
     MAX_JOINTS,
     Answer,
     Body,
+    BodyWithRules,
     Frame,
     JointVector,
     Label,
@@ -267,7 +268,7 @@ class JointStops(Body):
     )
 
 
-class SimulateRequest(WithTool):
+class SimulateRequest(WithTool, BodyWithRules):
     """A motion to be followed under a controller."""
 
     one_of: ClassVar[tuple[str, ...]] = ("trajectory", "reference")

@@ -10,6 +10,7 @@ from armwright_wire.base import (
     Answer,
     Beside,
     Body,
+    BodyWithRules,
     Frame,
     JointVector,
     Label,
@@ -56,7 +57,7 @@ class GuardState(Body):
     )
 
 
-class Proposal(Body):
+class Proposal(BodyWithRules):
     """A motion that somebody is about to send."""
 
     one_of: ClassVar[tuple[str, ...]] = ("trajectory", "samples", "joint_velocities", "twist")

@@ -9,6 +9,7 @@ from armwright_wire.base import (
     AS_LIST,
     Beside,
     Body,
+    BodyWithRules,
     Label,
     Length,
     Matrix3,
@@ -178,7 +179,7 @@ class FollowStage(StageBody):
     max_orientation_deviation: Deviation = Field(1e-3, description="of its orientation [rad]")
 
 
-class LineStage(FollowStage):
+class LineStage(FollowStage, BodyWithRules):
     """A straight motion of the tool to a pose, or through several."""
 
     one_of: ClassVar[tuple[str, ...]] = ("pose", "poses")
@@ -194,7 +195,7 @@ class LineStage(FollowStage):
     )
 
 
-class ArcStage(FollowStage):
+class ArcStage(FollowStage, BodyWithRules):
     """A circular motion of the tool to a pose, through a point or about a centre."""
 
     one_of: ClassVar[tuple[str, ...]] = ("via", "center")
@@ -249,7 +250,7 @@ class GraspSearch(Body):
     seed: Seed = 0
 
 
-class FoundGrasps(Body):
+class FoundGrasps(BodyWithRules):
     """Grasps found from the shape of the object, with the fingers of the robot or its tool."""
 
     one_of: ClassVar[tuple[str, ...]] = ("antipodal", "top", "side", "suction")
@@ -273,7 +274,7 @@ _Listed = Annotated[
 Grasps = Annotated[_Listed | Annotated[FoundGrasps, Tag("found")], Discriminator(_form_of_grasps)]
 
 
-class GraspStage(StageBody):
+class GraspStage(StageBody, BodyWithRules):
     """A choice among grasps of an object; without an approach before it, a free motion there."""
 
     one_of: ClassVar[tuple[str, ...]] = ("grasps", "region")
@@ -323,7 +324,7 @@ class PlaceGrid(Body):
     )
 
 
-class PlaceStage(StageBody):
+class PlaceStage(StageBody, BodyWithRules):
     """A choice among poses of the held object; without an approach, a free motion there."""
 
     one_of: ClassVar[tuple[str, ...]] = ("poses", "region", "grid", "stack")
@@ -347,7 +348,7 @@ class PlaceStage(StageBody):
     touch_depth: TouchDepth = TOUCH_DEPTH
 
 
-class AttachStage(StageBody):
+class AttachStage(StageBody, BodyWithRules):
     """The object becomes a part of the robot, where it stands."""
 
     only_beside: ClassVar[Beside] = {"center_of_mass": ("mass",), "inertia": ("mass",)}

@@ -8,7 +8,7 @@ from armwright_wire.base import (
     JOINTS_EXAMPLE,
     Answer,
     Beside,
-    Body,
+    BodyWithRules,
     Frame,
     InFrame,
     JointVector,
@@ -51,7 +51,7 @@ MAX_PRECEDENCE = 10_000
 MAX_ALTERNATIVES = 100
 
 
-class TourGoal(Body):
+class TourGoal(BodyWithRules):
     """A goal of a tour: a configuration, a pose that may have free axes, or any of several."""
 
     one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "pose", "any_of")

@@ -7,6 +7,7 @@ from pydantic import ConfigDict, Field, model_validator
 from armwright_wire.base import (
     Answer,
     Body,
+    BodyWithRules,
     InFrame,
     JointVector,
     Label,
@@ -41,7 +42,7 @@ class Accuracy(Body):
     rotation: Positive = Field(description="[rad]", examples=[1e-4])
 
 
-class CalibrateRequest(WithTool):
+class CalibrateRequest(WithTool, BodyWithRules):
     """Configurations of an arm and what was measured of a link there."""
 
     one_of: ClassVar[tuple[str, ...]] = ("poses", "positions", "distances", "plane")

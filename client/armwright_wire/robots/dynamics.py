@@ -9,6 +9,7 @@ from armwright_wire.base import (
     MAX_BATCH,
     Answer,
     Body,
+    BodyWithRules,
     Frame,
     InFrame,
     Joints,
@@ -61,7 +62,7 @@ class Model(WithTool):
     )
 
 
-class WrenchRequest(WithTool):
+class WrenchRequest(WithTool, BodyWithRules):
     """A wrench that the tip exerts on its surroundings, or the joint torques that it takes."""
 
     one_of: ClassVar[tuple[str, ...]] = ("wrench", "torques")

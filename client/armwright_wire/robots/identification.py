@@ -7,7 +7,7 @@ from pydantic import ConfigDict, Field, model_validator
 from armwright_wire.base import (
     MAX_JOINTS,
     Answer,
-    Body,
+    BodyWithRules,
     InFrame,
     JointVector,
     Label,
@@ -32,7 +32,7 @@ Drives = Annotated[list[DriveName], Field(max_length=4)]
 Rows = Annotated[list[JointVector], Field(min_length=1, max_length=MAX_INSTANTS)]
 
 
-class LogBody(Body):
+class LogBody(BodyWithRules):
     """A log of one motion, or of poses at rest where it has neither times nor a period."""
 
     one_of: ClassVar[tuple[str, ...]] = ("torques", "currents")

@@ -12,6 +12,7 @@ from armwright_wire.base import (
     Answer,
     Beside,
     Body,
+    BodyWithRules,
     Frame,
     InFrame,
     Joints,
@@ -359,7 +360,7 @@ class IkAnswer(InFrame):
     plan_id: PlanId = None
 
 
-class VelocityRequest(WithTool):
+class VelocityRequest(WithTool, BodyWithRules):
     """Joint velocities, or the twist (linear, angular) that they are to cause."""
 
     one_of: ClassVar[tuple[str, ...]] = ("joint_velocities", "twist")

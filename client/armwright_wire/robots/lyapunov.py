@@ -9,6 +9,7 @@ from armwright_wire.base import (
     Answer,
     Beside,
     Body,
+    BodyWithRules,
     Matrix,
     NonNegative,
     Number,
@@ -34,7 +35,7 @@ class PendulumParameters(Body):
     damping: NonNegative = Field(0.0, description="b [N m s/rad]")
 
 
-class LyapunovRequest(Body):
+class LyapunovRequest(BodyWithRules):
     """A linear system dx/dt = A x with P of V = xᵀ P x or Q of dV/dt = −xᵀ Q x, or f and V.
 
     Formulas are made of numbers, x1 … xn, + - * / ** and sin, cos, tan, exp, log, sqrt, tanh.

@@ -9,6 +9,7 @@ from armwright_wire.base import (
     AS_LIST,
     Answer,
     Body,
+    BodyWithRules,
     Frame,
     InFrame,
     Label,
@@ -101,7 +102,7 @@ class BaseRegion(Body):
     )
 
 
-class ReachRequest(WithTool):
+class ReachRequest(WithTool, BodyWithRules):
     """Task poses and what stands around; with candidates for the base also where to stand."""
 
     one_of: ClassVar[tuple[str, ...]] = ("poses", "box")

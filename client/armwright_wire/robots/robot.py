@@ -10,6 +10,7 @@ from armwright_wire.base import (
     MAX_JOINTS,
     Answer,
     Body,
+    BodyWithRules,
     Coordinate,
     Label,
     Length,
@@ -371,7 +372,7 @@ class ArchiveFields(RobotFields):
     srdf_path: Uri | None = Field(None, description="which .srdf file belongs to it, likewise")
 
 
-class RobotBody(RobotFields):
+class RobotBody(RobotFields, BodyWithRules):
     """A robot as URDF or as a Denavit-Hartenberg table."""
 
     one_of: ClassVar[tuple[str, ...]] = ("urdf", "dh")

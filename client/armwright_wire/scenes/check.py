@@ -11,6 +11,7 @@ from armwright_wire.base import (
     Answer,
     Beside,
     Body,
+    BodyWithRules,
     Frame,
     InFrame,
     Joints,
@@ -68,7 +69,7 @@ AllowedAnswers = Annotated[
 ]
 
 
-class Attached(Body):
+class Attached(BodyWithRules):
     """An object that moves with a link; one that stands in the scene is out of it meanwhile."""
 
     one_of: ClassVar[tuple[str, ...]] = ("pose", "grasp_joints")

@@ -12,6 +12,7 @@ from armwright_wire.base import (
     AS_LIST,
     Answer,
     Body,
+    BodyWithRules,
     Coordinate,
     Frame,
     Label,
@@ -238,7 +239,7 @@ class Obstacle(Body):
     )
 
 
-class Scene(Body):
+class Scene(BodyWithRules):
     """Obstacles, or the text of a MoveIt planning scene."""
 
     one_of: ClassVar[tuple[str, ...]] = ("obstacles", "moveit")

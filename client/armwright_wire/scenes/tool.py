@@ -8,6 +8,7 @@ from armwright_wire.base import (
     Answer,
     Beside,
     Body,
+    BodyWithRules,
     Label,
     Length,
     Matrix3,
@@ -126,7 +127,7 @@ class ToolFinger(Body):
     )
 
 
-class Tool(Body):
+class Tool(BodyWithRules):
     """A tool: tips, solids, mass and fingers in one frame, or a built-in one by its sizes."""
 
     one_of: ClassVar[tuple[str, ...]] = ("tcp", "form")
