@@ -314,7 +314,7 @@ def test_joints_are_the_whole_turns_inside_the_limits_nearest_the_seed(name: str
         bounds = np.sort(rng.uniform(-7.0, 7.0, (2, 6)), axis=0)
         chain = builtin_chain(name)
         chain = replace(chain, limits=replace(chain.limits, lower=bounds[0], upper=bounds[1]))
-        q = rng.uniform(*bounds)
+        q = rng.uniform(bounds[0], bounds[1])
         # Limits that cut a configuration off by rounding take it in.
         seed, q[rng.integers(6)] = rng.uniform(*bounds), bounds[rng.integers(2), 0]
         found = branches(chain, forward(chain, q), seed_joints=seed)
