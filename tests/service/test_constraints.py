@@ -138,13 +138,16 @@ def test_impossible_sets_name_their_conflict(client: httpx.Client) -> None:
     np.testing.assert_allclose(document["details"]["relaxations"], 0.38, atol=1e-3)
 
 
-@pytest.mark.parametrize("timeout", [0.02, 0.1])
-def test_an_impossible_set_costs_no_more_than_its_timeout(timeout: float) -> None:
-    """Twelve planes of which no two go together: who excludes whom takes a second to find out."""
-    body = {"method": "constrained", "timeout": timeout, "constraints": planes(*np.arange(12) / 12)}
-    assert problem_of(task.ik, PANDA, body | {"timeout": 60.0}).details["conflict"]
+@pytest.mark.parametrize("share", [0.1, 0.4])
+def test_an_impossible_set_costs_no_more_than_its_timeout(share: float) -> None:
+    """A search for who excludes whom among twelve planes ends at a share of the time it takes."""
+    body = {"method": "constrained", "constraints": planes(*np.arange(12) / 12)}
+    for _ in range(2):  # The first one also loads kernels.
+        began = time.process_time()
+        assert problem_of(task.ik, PANDA, body | {"timeout": 60.0}).details["conflict"]
+        timeout = share * (time.process_time() - began)
     began = time.process_time()
-    late = problem_of(task.ik, PANDA, body)
+    late = problem_of(task.ik, PANDA, body | {"timeout": timeout})
     assert time.process_time() - began < timeout + 0.1
     assert late.code in ("NO_IK_SOLUTION", "INVALID_GOAL_CONSTRAINTS")
     assert late.details["deterministic"] is False
