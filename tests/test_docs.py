@@ -128,3 +128,21 @@ def test_the_walk_of_a_request_names_each_file_once() -> None:
     assert len(set(files)) == len(files)
     for file in files:
         assert (ROOT / file).is_file(), file
+
+
+def test_the_picture_of_the_walk_names_files_that_are_there() -> None:
+    picture = (ROOT / "docs/pictures/plan_walk.svg").read_text("utf-8")
+    entries = re.findall(r'class="(\w?)"[^>]*>([^<]+)<|>(\d+)\. ([^<]+\.py)<', picture)
+    folder = ""
+    named: list[list[str]] = []
+    for kind, text, _, file in entries:
+        if kind == "f":
+            folder = text
+        elif kind == "t":
+            named.append([])
+        elif file:
+            named[-1].append(f"{folder}/{file}")
+    assert len(named) == 2
+    for files in named:
+        assert len(files) == len(set(files)) > 20
+        assert [file for file in files if not (ROOT / file).is_file()] == []
