@@ -2,16 +2,18 @@
 
 The choices that a flat list makes are digits, in the order of its stages. Where a list gets stuck
 at a stage, all lists with the same digits up to that stage get stuck there too: the last digit
-before it is the next to change.
+before it is the next to change. An order that is to be the shortest one is a list like any other:
+the first that can be done is made shorter by lists with other digits.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
-from planning.sequence.result import SequenceFailure, SequencePlan, TaskOptions
+from planning.orders.shortest import OrderSearch, Visit
+from planning.sequence.result import FoundOrder, SequenceFailure, SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Stage
 from planning.sequence.task import Task
@@ -21,6 +23,9 @@ from planning.values.deadline import Deadline
 T = TypeVar("T")
 #: Stages of a flat list, and lists that are tried, at most.
 _MAX_STAGES, _MAX_LISTS = 2_000, 200
+#: Orders that are planned beside the first at most, and in a row without a shorter one.
+_MAX_ORDERS, _PATIENCE = 20, 4
+Order = Literal["written", "free", "shortest"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,12 +36,15 @@ class Each(Generic[T]):
         items: Names of the items, in the order that is tried first.
         stages: Maker of the blocks for one item; the argument has the numbers of all items up to
             this one, in the order that is tried.
-        free: Whether another order may be taken.
+        order: Order of the items: as written; "free" for another one where this one can't be done;
+            or the "shortest" that is found in time.
+        by_place: Whether places go by the number of items before, not by item.
     """
 
     items: Sequence[str]
     stages: Callable[[Sequence[int]], "Sequence[Block[T]]"]
-    free: bool = False
+    order: Order = "written"
+    by_place: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +79,29 @@ class _Choice(NamedTuple):
     among: int
 
 
+class _Ordered(NamedTuple):
+    """A block in its order, with its stages in the flat list.
+
+    Args:
+        block: The block.
+        digit: Number of its first choice.
+        visits: Items in their order, each with its stages.
+    """
+
+    block: Each[Any]
+    digit: int
+    visits: tuple[Visit, ...]
+
+    def digits_of(self, order: Sequence[int]) -> list[int]:
+        """Digits that an order of its items is."""
+        left = [*range(len(order))]
+        digits = []
+        for item in order:
+            digits.append(left.index(item))
+            left.remove(item)
+        return digits
+
+
 class _Expansion(Generic[T]):
     """One flat list with the choices that it makes."""
 
@@ -78,15 +109,18 @@ class _Expansion(Generic[T]):
         self._digits = digits
         self.flat: list[Flat[T]] = []
         self.choices: list[_Choice] = []
+        self.ordered: list[_Ordered] = []
+
+    @property
+    def digits(self) -> list[int]:
+        """Digits of all its choices."""
+        return [one.taken for one in self.choices]
 
     def add(self, blocks: "Sequence[Block[T]]", of: str | None) -> None:
         """Add blocks that are for an item or alternative."""
         for block in blocks:
             if isinstance(block, Each):
-                left, order = [*range(len(block.items))], list[int]()
-                while left:
-                    order.append(left.pop(self._take(len(left)) if block.free else 0))
-                    self.add(block.stages(order), _label(of, block.items[order[-1]]))
+                self._add_each(block, of)
             elif isinstance(block, Fallback):
                 taken = self._take(len(block.alternatives))
                 self.add(block.alternatives[taken], _label(of, f"alternative {taken}"))
@@ -94,6 +128,23 @@ class _Expansion(Generic[T]):
                 self.flat.append(Flat(block, of))
         if len(self.flat) > _MAX_STAGES:
             raise InvalidOption(f"there are more than {_MAX_STAGES} stages in all")
+
+    def _add_each(self, block: Each[T], of: str | None) -> None:
+        left, order, visits = [*range(len(block.items))], list[int](), list[Visit]()
+        digit, shortest = len(self.choices), block.order == "shortest"
+        while left:
+            order.append(left.pop(0 if block.order == "written" else self._take(len(left))))
+            first, choices = len(self.flat), len(self.choices)
+            self.add(block.stages(order), _label(of, block.items[order[-1]]))
+            visits.append(Visit(order[-1], first, len(self.flat)))
+            if shortest and (of is not None or len(self.choices) > choices):
+                raise InvalidOption(
+                    'order "shortest" is for items whose stages have no alternatives, and that are '
+                    "none of an item or alternative",
+                    hint='Take order "free", or put the block by itself.',
+                )
+        if shortest:
+            self.ordered.append(_Ordered(block, digit, tuple(visits)))
 
     def _take(self, count: int) -> int:
         k = len(self.choices)
@@ -106,20 +157,34 @@ def _label(of: str | None, own: str) -> str:
     return own if of is None else f"{of}, {own}"
 
 
+Attempt: TypeAlias = Callable[[Sequence[Flat[T]], TaskOptions], SequencePlan | SequenceFailure]
+
+
+class BlocksPlan(NamedTuple):
+    """The plan of a flat list.
+
+    Args:
+        outcome: The plan, or the failure that came farthest.
+        orders: Orders that were to be the shortest, as they were found.
+    """
+
+    outcome: SequencePlan | SequenceFailure
+    orders: tuple[FoundOrder, ...] = ()
+
+
 def plan_blocks(
-    blocks: Sequence[Any],
-    options: TaskOptions,
-    attempt: Callable[[Sequence[Flat[T]], TaskOptions], SequencePlan | SequenceFailure],
-) -> SequencePlan | SequenceFailure:
+    blocks: Sequence[Any], options: TaskOptions, attempt: Attempt[T], seed: int = 0
+) -> BlocksPlan:
     """The plan of the first flat list that can be done; else the failure that came farthest.
 
     Args:
         blocks: Stages of the type T, and blocks of them, in order.
         options: Timeout of everything, and options of each list.
         attempt: Plans one flat list within the timeout that its options have.
+        seed: Seed of the search for the shortest order.
 
     Raises:
-        InvalidOption: There are too many stages.
+        InvalidOption: There are too many stages, or a shortest order is asked for inside of items.
     """
     deadline, digits, failed = Deadline.after(options.timeout), list[int](), None
     for _ in range(_MAX_LISTS):
@@ -132,7 +197,9 @@ def plan_blocks(
         found = attempt(expansion.flat, replace(options, timeout=left))
         failure = found.failure if isinstance(found, SequencePlan) else found
         if failure is None:
-            return found
+            assert isinstance(found, SequencePlan)
+            shorter = _Shortening(blocks, options, attempt, deadline, seed)
+            return shorter.run(expansion, found)
         if failed is None or failure.reached > failed[0]:
             failed = failure.reached, found
         ready = [
@@ -144,7 +211,76 @@ def plan_blocks(
         k = ready[-1]
         digits = [*(one.taken for one in choices[:k]), choices[k].taken + 1]
     assert failed is not None
-    return failed[1]
+    return BlocksPlan(failed[1])
+
+
+@dataclass(slots=True)
+class _Shortening(Generic[T]):
+    """Other orders in place of one that can be done, as long as they take less time.
+
+    Args:
+        blocks: Stages, and blocks of them, in order.
+        options: Options of each list.
+        attempt: Plans one flat list.
+        deadline: The end of everything.
+        seed: Seed of the search.
+    """
+
+    blocks: Sequence[Any]
+    options: TaskOptions
+    attempt: Attempt[T]
+    deadline: Deadline
+    seed: int
+
+    def run(self, expansion: _Expansion[T], found: SequencePlan) -> BlocksPlan:
+        """The shortest plan that is found before the deadline, one block after another.
+
+        Args:
+            expansion: The first flat list that can be done.
+            found: Its plan.
+        """
+        orders = []
+        for number in range(len(expansion.ordered)):
+            written = None if any(_digits(expansion, number)) else found.duration
+            expansion, found = self._shorten(number, expansion, found)
+            own = expansion.ordered[number]
+            items = tuple(own.block.items[visit.item] for visit in own.visits)
+            orders.append(FoundOrder(items, found.duration, written))
+        return BlocksPlan(found, tuple(orders))
+
+    def _shorten(
+        self, number: int, best: _Expansion[T], found: SequencePlan
+    ) -> tuple[_Expansion[T], SequencePlan]:
+        own = best.ordered[number]
+        search = OrderSearch(len(own.visits), own.block.by_place, self.seed)
+        search.learn(own.visits, found.stages)
+        since = 0
+        for _ in range(_MAX_ORDERS):
+            order = search.propose(self.deadline)
+            if order is None or since == _PATIENCE or self.deadline.passed:
+                break
+            digits, own = best.digits, best.ordered[number]
+            digits[own.digit : own.digit + len(order)] = own.digits_of(order)
+            other = _Expansion[T](digits)
+            other.add(self.blocks, None)
+            left = replace(self.options, timeout=max(self.deadline.remaining, 1e-3))
+            tried = self.attempt(other.flat, left)
+            visits = other.ordered[number].visits
+            if isinstance(tried, SequenceFailure) or not tried.complete:
+                reached = tried.reached if isinstance(tried, SequenceFailure) else len(tried.stages)
+                search.rule_out(visits, reached)
+            else:
+                since += 1
+                search.learn(visits, tried.stages)
+                if tried.duration < found.duration:
+                    best, found, since = other, tried, 0
+        return best, found
+
+
+def _digits(expansion: _Expansion[Any], number: int) -> list[int]:
+    """Digits of an ordered block of a flat list."""
+    own = expansion.ordered[number]
+    return expansion.digits[own.digit : own.digit + len(own.visits)]
 
 
 def plan_work(
@@ -170,4 +306,7 @@ def plan_work(
     def attempt(flat: Sequence[Flat[Stage]], own: TaskOptions) -> SequencePlan | SequenceFailure:
         return plan_task(Task(world, start, tuple(one.stage for one in flat), seed), own)
 
-    return plan_blocks(blocks, options, attempt)
+    found = plan_blocks(blocks, options, attempt, seed)
+    if isinstance(found.outcome, SequencePlan):
+        return replace(found.outcome, orders=found.orders)
+    return found.outcome

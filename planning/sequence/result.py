@@ -111,6 +111,26 @@ class Trial:
     joints: Array | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class FoundOrder:
+    """An order of items that was to be the shortest.
+
+    Args:
+        items: Names of the items, in the order that was found.
+        duration: Duration of all stages in this order [s].
+        written: Duration of all stages in the order as written [s]; None where that can't be done.
+    """
+
+    items: tuple[str, ...]
+    duration: float
+    written: float | None
+
+    @property
+    def saved(self) -> float | None:
+        """Time saved against the order as written [s]; None where that can't be done."""
+        return None if self.written is None else self.written - self.duration
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SequencePlan:
     """All stages of a task, each with a motion that is proved.
@@ -124,6 +144,7 @@ class SequencePlan:
         complete: Whether these are all stages; not where only the first ones could be done.
         failure: Why the later stages could not be done; None where all are.
         deterministic: Whether the same task gives the same answer again: time ended no search.
+        orders: Orders of items that were to be the shortest.
     """
 
     stages: tuple[StagePlan, ...]
@@ -134,6 +155,7 @@ class SequencePlan:
     complete: bool = True
     failure: "SequenceFailure | None" = None
     deterministic: bool = True
+    orders: tuple[FoundOrder, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

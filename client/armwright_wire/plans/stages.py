@@ -460,8 +460,10 @@ class ForEachStage(Body):
         examples=[{"object": ["part_1", "part_2"]}],
         description="names that stand for `{object}`; several lists of one length go side by side",
     )
-    order: Literal["written", "free"] = Field(
-        "written", description="free: another order where this one can't be done"
+    order: Literal["written", "free", "shortest"] = Field(
+        "written",
+        description="free: another order where this one can't be done; shortest: the one that "
+        "takes the least time of those found before the timeout, at the top level",
     )
     stages: Annotated[list["StageUnion"], Field(min_length=1, max_length=MAX_STAGES)] = Field(
         description="of each, in order"

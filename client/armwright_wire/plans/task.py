@@ -213,6 +213,17 @@ class ImprovementAnswer(Answer):
     duration: float = Field(description="of all stages [s]")
 
 
+class OrderAnswer(Answer):
+    """An order of `for_each` that was to be the shortest."""
+
+    items: list[str] = Field(description="objects in the order that was found")
+    duration: float = Field(description="of all stages in this order [s]")
+    written: float | None = Field(
+        None, description="of all stages in the order as written [s]; null where it can't be done"
+    )
+    saved: float | None = Field(None, description="the difference of these [s]")
+
+
 class TaskAnswer(InFrame):
     """All stages of a task, each with a motion that is proved."""
 
@@ -223,6 +234,9 @@ class TaskAnswer(InFrame):
     stages: list[TaskStageAnswer] = Field(description="in order")
     trials: list[TrialAnswer] = Field(description="what was tried, by stage")
     trials_omitted: int = Field(0, description="how many more there were")
+    orders: list[OrderAnswer] = Field(
+        default_factory=list, description="of `for_each` with the order shortest, one after another"
+    )
     improvements: list[ImprovementAnswer] = Field(description="the last one is answered")
     exhausted: bool = Field(
         description="every combination was tried, or can't be better by its estimate"

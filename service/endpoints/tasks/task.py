@@ -20,7 +20,14 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.options import MAX_TIMEOUT
 from planning.orders.blocks import Block, Each, Fallback, Flat, plan_blocks
-from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan, TaskOptions, Trial
+from planning.sequence.result import (
+    FoundOrder,
+    SequenceFailure,
+    SequencePlan,
+    StagePlan,
+    TaskOptions,
+    Trial,
+)
 from planning.sequence.search import plan_task
 from planning.sequence.stage import describe_stage
 from planning.sequence.task import Task
@@ -95,14 +102,19 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
             tried.append((failure, error))
             return failure
         asked = _Asked(Task(world, start, made, body.seed), flat, body)
-        offered = replace(
-            options, offer=lambda found: current.offer(partial(written, found, asked))
-        )
-        tried.append((plan_task(asked.task, offered), asked))
+        known = [one.duration for one, _ in tried if isinstance(one, SequencePlan) and one.complete]
+        shortest = min(known, default=math.inf)
+
+        def offer(found: SequencePlan) -> None:
+            if found.duration < shortest:
+                current.offer(partial(written, found, asked))
+
+        tried.append((plan_task(asked.task, replace(options, offer=offer)), asked))
         return tried[-1][0]
 
-    def written(found: SequencePlan, of: _Asked) -> bytes:
+    def written(found: SequencePlan, of: _Asked, orders: Sequence[FoundOrder] = ()) -> bytes:
         answer = _answer(found, of) | poses.notes_of(body, told)
+        answer["orders"] = [asdict(one) | {"saved": one.saved} for one in orders]
         stages = answer["stages"]
         objects = task_objects(alone, around, body)
         cells = stage_cells(stages, robot, objects, geometry.fingers.positions)
@@ -126,7 +138,7 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
         remaining, body.improve, body.allow_partial, current.report,
         goal_costs=problems.goal_costs(body.goal_costs),
     )  # fmt: skip
-    outcome = plan_blocks(blocks(body.stages), options, attempt)
+    outcome, orders = plan_blocks(blocks(body.stages), options, attempt, body.seed)
     asked = next(asked for found, asked in tried if found is outcome)
     if isinstance(asked, ArmwrightError):
         raise asked
@@ -134,7 +146,7 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
         return TaskProblem(
             outcome.code, outcome.message, outcome.hint, _failure_details(asked.task, outcome)
         )
-    return written(outcome, asked)
+    return written(outcome, asked, orders)
 
 
 class _Asked(NamedTuple):
@@ -323,7 +335,12 @@ def _block(stage: stages_of.StageUnion) -> Block[SingleStage]:
     match stage:
         case stages_of.ForEachStage():
             items = next(iter(stage.for_each.values()))
-            return Each(items, _maker(stage), stage.order == "free")
+            by_place = any(
+                isinstance(one, stages_of.PlaceStage)
+                and any(grid is not None and grid.fill == "next" for grid in (one.grid, one.stack))
+                for one in stage.stages
+            )
+            return Each(items, _maker(stage), stage.order, by_place)
         case stages_of.FallbackStage():
             return Fallback([blocks(alternative) for alternative in stage.fallback])
         case _:

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
@@ -165,6 +166,42 @@ def test_blocks_of_grids_stacks_and_fallbacks() -> None:
         *pick, {"kind": "place", "grid": full, "support": "bench"}, *leave]}]  # fmt: skip
     with pytest.raises(ArmwrightError, match="all 2 places of the grid are taken"):
         plan_sequence(mounted(body), None, json.dumps(body).encode())
+
+
+def test_the_shortest_order_is_answered_with_what_it_saved() -> None:
+    spots = [0.35, -0.35, 0.45, -0.45]
+    body: dict[str, Any] = {"robot": "ur5e", "start": {"joints": HOME}, "timeout": 60}
+    names = [f"spot_{k}" for k in range(4)]
+    # Each spot is an obstacle, in whose frame the tool goes down.
+    body["scene"] = {"obstacles": [
+        solid(name, "box", [0.5, y, 0.1], size=[0.02] * 3)
+        for name, y in zip(names, spots, strict=True)
+    ]}  # fmt: skip
+    aims = [
+        {"kind": "move"}, {"kind": "approach", "distance": [0.05, 0.1]},
+        {"kind": "grasp", "object": "{object}",
+         "grasps": [{"position": [0, 0, 0.1], "rpy": [np.pi, 0, 0]}]},
+        {"kind": "retreat", "distance": [0.05, 0.1]},
+    ]  # fmt: skip
+    each = {"for_each": {"object": names}, "order": "shortest", "stages": aims}
+    home = {"kind": "move", "goal": {"joints": HOME}}
+    answer = answer_of(plan_sequence, UR, body | {"stages": [each, home]}, TaskAnswer)
+    (order,) = answer["orders"]
+    items = [stage["item"] for stage in answer["stages"] if stage["kind"] == "grasp"]
+    assert items == order["items"]
+    assert sorted(items) == names
+    # Those of one side come one after another.
+    assert {frozenset(items[:2]), frozenset(items[2:])} == {
+        frozenset(names[::2]), frozenset(names[1::2])}  # fmt: skip
+    given = answer_of(plan_sequence, UR, body | {
+        "stages": [each | {"order": "written"}, home]}, TaskAnswer)  # fmt: skip
+    assert given["orders"] == []
+    assert order["written"] == pytest.approx(given["duration"])
+    assert order["saved"] == pytest.approx(given["duration"] - answer["duration"])
+    assert order["saved"] > 1.0
+    outer = {"for_each": {"object": ["a"]}, "stages": [each]}
+    with pytest.raises(InvalidOption, match="shortest"):
+        plan_sequence(UR, None, json.dumps(body | {"stages": [outer]}).encode())
 
 
 def test_what_can_not_be_gripped_makes_way_for_another_alternative() -> None:
