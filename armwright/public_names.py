@@ -110,12 +110,12 @@ from planning.problem import PoseGoal as PoseGoal
 from planning.problem import Problem as Problem
 from planning.proof.certificate import Certificate as Certificate
 from planning.proof.certificate import certify as certify
-from planning.reach.evaluation import BasePlacement as BasePlacement
+from planning.reach.base_placement import BasePlacement as BasePlacement
+from planning.reach.base_placement import place_base as place_base
 from planning.reach.evaluation import PoseGrid as PoseGrid
 from planning.reach.evaluation import Reach as Reach
 from planning.reach.evaluation import ReachOptions as ReachOptions
 from planning.reach.evaluation import Tolerance as Tolerance
-from planning.reach.evaluation import place_base as place_base
 from planning.reach.evaluation import reach as reach
 from planning.result import Failure as Failure
 from planning.result import Plan as Plan

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cache
 from itertools import product
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import direct
-from kinematics.arrays import Array, as_numbers, frozen, numbers, typed
+from kinematics.arrays import Array, frozen, numbers, typed
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
@@ -27,7 +27,7 @@ from obstacles.collision.checker import any_model
 from obstacles.collision.fcl_distance import OverlapMeter, overlap_meter
 from obstacles.collision.model.collision_model import CollisionModel, ModelArrays
 from obstacles.robots.robot_geometry import RobotGeometry
-from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.scenes.scene import Scene
 from planning.reach import assessment
 from planning.reach import turns as kernel
 from planning.values.deadline import Deadline
@@ -175,6 +175,9 @@ class PoseGrid:
 
 Choice = Literal["manipulability", "clearance", "limits", "first"]
 CHOICES: tuple[Choice, ...] = get_args(Choice)
+#: Levels of values of a redundant arm's parameter: 16, 32, 64, ... values in all; and how many more
+#: than the first are tried where none of them has a branch.
+_LEVELS, _LEVELS_OUT_OF_REACH = 7, 2
 _PLAN, _ROW = frozen(np.zeros((1, PLAN_COLUMNS))), frozen([0.0])
 #: Values of the types that all arms and settings have.
 _ARM = Arm(_PLAN, _PLAN, 0, _ROW, _ROW)
@@ -284,8 +287,9 @@ def reach(
     """For each task pose whether and how well the arm takes it, free of collision.
 
     Every configuration is verified by forward kinematics and by the exact collision check. Arms
-    with a closed form try every branch; of arms with seven joints at 16 values of the parameter.
-    Other arms search from several starts, so that a pose they miss may have a solution. Contacts
+    with a closed form try every branch; of arms with seven joints at 16 values of the parameter,
+    and where none of these reaches a pose at up to a thousand. Other arms search from several
+    starts, so that a pose they miss may have a solution. Contacts
     that may be only so deep are measured in the best configuration of each pose alone.
 
     Args:
@@ -310,12 +314,17 @@ def reach(
     results = np.zeros((len(T), assessment.COLUMNS))
     joints = np.full((len(T), chain.n), np.nan)
     # Poses with all their deviations that are worked off between two checks the clock.
-    step, completed = max(2_000 // len(deviations), 1), 0
+    redundant, values = query.form is not None and query.form.redundant, np.array([np.nan])
+    if query.form is not None and redundant:
+        values = parameter_values(chain, query.form)
+    step, completed = max((200 if redundant else 2_000) // len(deviations), 1), 0
     while completed < len(T) and not (deadline is not None and deadline.passed):
         part = slice(completed, min(completed + step, len(T)))
         targets = T[part, None] @ deviations
         if query.form is not None:
-            _by_closed_form(query, targets, results[part], joints[part])
+            _by_closed_form(query, targets, results[part], joints[part], values)
+            if redundant:
+                _by_more_values(query, targets, results[part], joints[part])
         else:
             _by_search(query, targets, results[part], joints[part])
         _leave_out_deep(overlap_meter(robot, scene), results[part], joints[part])
@@ -394,13 +403,11 @@ def _parts(model: ModelArrays, last: int, turns: Array) -> assessment.Parts:
     return assessment.Parts(model, before, behind, turns)
 
 
-def _by_closed_form(query: _Query, targets: Array, results: Array, joints: Array) -> None:
-    """Reach of a few poses with all their deviations (m, s, 4, 4), by every branch."""
-    form, seed = query.form, middle(query.chain)
-    values = np.array([np.nan])
-    if form is not None and form.redundant:
-        values = parameter_values(query.chain, form)
-
+def _by_closed_form(
+    query: _Query, targets: Array, results: Array, joints: Array, values: Array
+) -> None:
+    """Reach of a few poses with all their deviations (m, s, 4, 4), by every branch at values."""
+    seed = middle(query.chain)
     judge = _closed_form()
 
     def part(k: slice) -> None:
@@ -409,6 +416,54 @@ def _by_closed_form(query: _Query, targets: Array, results: Array, joints: Array
         )
 
     shared(part, len(targets), query.options.threads)
+
+
+def _by_more_values(query: _Query, targets: Array, results: Array, joints: Array) -> None:
+    """Reach of poses of a redundant arm that no value of its parameter reaches yet, by more values.
+
+    Bodies behind the last joint stand where the pose has them, whatever the value: where these
+    collide with the scene, no other value helps. Where no value has a branch at all, fewer are
+    tried.
+    """
+    assert query.form is not None
+    status = results[:, assessment.Column.STATUS]
+    left = np.flatnonzero(status != Status.REACHED)
+    carried = _with_scene_alone(query)
+    struck = left[status[left] == Status.IN_COLLISION]
+    if carried is not None and len(struck):
+        tried, room = np.zeros((len(struck), assessment.COLUMNS)), joints[struck]
+        values = parameter_values(query.chain, query.form)
+        _by_closed_form(carried, targets[struck], tried, room, values)
+        left = np.setdiff1d(left, struck[tried[:, assessment.Column.STATUS] != Status.REACHED])
+    for level in range(1, _LEVELS):
+        values = parameter_values(query.chain, query.form, level)
+        # Branches of many values at once are compared with each other.
+        parts = max(len(values) // 64, 1)
+        for part in range(parts):
+            if level > _LEVELS_OUT_OF_REACH:
+                left = left[status[left] != Status.OUT_OF_REACH]
+            if not len(left):
+                return
+            tried, found = np.zeros((len(left), assessment.COLUMNS)), joints[left]
+            _by_closed_form(query, targets[left], tried, found, values[part::parts].copy())
+            better = tried[:, assessment.Column.STATUS] > status[left]
+            results[left[better]], joints[left[better]] = tried[better], found[better]
+            left = left[status[left] != Status.REACHED]
+
+
+def _with_scene_alone(query: _Query) -> _Query | None:
+    """The question with the bodies behind the last joint and the scene; None where they may move.
+
+    They may where the link is not rigidly behind the last joint.
+    """
+    arm, last = query.arm, query.chain.n - 1
+    if int(arm.model[last + 2 + arm.link][0]) != last or arm.model[0, 2] > 0.0:
+        return None
+    model = query.parts.whole
+    bodies = model.bodies[model.joints[model.bodies[:, 0]] == last]
+    alone = model._replace(bodies=bodies, groups=model.groups[:0])
+    settings = query.settings._replace(choice=CHOICES.index("first"), clearance=False)
+    return replace(query, parts=_parts(alone, last, np.zeros(0)), settings=settings)
 
 
 def _by_search(query: _Query, targets: Array, results: Array, joints: Array) -> None:
@@ -454,14 +509,21 @@ def _start(chain: Chain, seed: int) -> Array:
     return np.asarray(np.random.default_rng(seed).uniform(low, high))
 
 
-def parameter_values(chain: Chain, form: Structure) -> Array:
-    """Values of a redundant arm's parameter, all around it, shape (v,) [rad or m]."""
-    # Values of a redundant arm's parameter that are tried.
-    parameters = 16
+def parameter_values(chain: Chain, form: Structure, level: int = 0) -> Array:
+    """Values of a redundant arm's parameter, all around it, shape (v,) [rad or m].
+
+    Args:
+        chain: The arm.
+        form: Its closed form.
+        level: 0 for the first 16 values; k for those in the middles of 8 * 2^k equal parts.
+    """
+    count = 16 << max(level - 1, 0)
+    shares = (np.arange(count) + (0.5 if level else 0.0)) / count
     if form.locked is None:
-        return np.asarray(np.arange(parameters) * 2.0 * np.pi / parameters - np.pi)
+        return np.asarray(shares * 2.0 * np.pi - np.pi)
     low, high = chain.sampling_bounds()
-    return np.linspace(low[form.locked], high[form.locked], parameters)
+    ends = (count - 1) if level == 0 else count
+    return np.asarray(low[form.locked] + (high - low)[form.locked] * shares * count / ends)
 
 
 def _answer(results: Array, joints: Array, options: ReachOptions) -> Reach:
@@ -501,99 +563,4 @@ def _searched() -> Any:
     rows = np.zeros((1, 1))
     return direct(
         kernel.searched_reach_kernel, _ARM, any_model(), rows[None], _SETTINGS, rows, rows
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BasePlacement:
-    """One candidate for the base, and the reach from there.
-
-    Args:
-        index: Number of the candidate.
-        T_world_base: Pose of the base, shape (4, 4).
-        reach: Reach of the task poses.
-    """
-
-    index: int
-    T_world_base: Array
-    reach: Reach
-
-    @property
-    def worst(self) -> tuple[float, float, float]:
-        """Least clearance [m], manipulability and limit distance of the poses reached."""
-        figures = (self.reach.clearance, self.reach.manipulability, self.reach.limit_distance)
-        if not self.reach.is_reached.any():
-            return np.nan, np.nan, np.nan
-        clearance, manipulability, limits = (
-            float(figure[self.reach.is_reached].min()) for figure in figures
-        )
-        return clearance, manipulability, limits
-
-    @property
-    def score(self) -> tuple[float, ...]:
-        """Number of poses reached, then the worst clearance, manipulability and limit distance."""
-        return float(self.reach.is_reached.sum()), *np.nan_to_num(self.worst, posinf=np.inf)
-
-
-@typed
-def place_base(
-    robot: RobotGeometry,
-    scene: Scene,
-    poses: ArrayLike,
-    bases: ArrayLike,
-    options: ReachOptions | None = None,
-    *,
-    link: str | None = None,
-    deadline: Deadline | None = None,
-    report: Callable[[float], None] = lambda _: None,
-) -> list[BasePlacement]:
-    """Candidates for the base, best first: those that reach most, then those with most room.
-
-    The candidates and the poses stand in one frame, that of the scene. Obstacles stay where they
-    are, so each candidate is judged in its own surroundings.
-
-    Args:
-        robot: The arm with its solids.
-        scene: The obstacles, in the world frame.
-        poses: T_world_link of the tasks, shape (m, 4, 4).
-        bases: T_world_base of the candidates, shape (b, 4, 4).
-        options: How to judge.
-        link: The link to bring to the poses; the tip where none is named.
-        deadline: Time at which to stop; candidates that were not finished are left out.
-        report: Called with the share of the candidates that is done.
-
-    Raises:
-        InvalidPose: The poses or candidates are not finite 4x4 matrices.
-        InvalidOption: There is no candidate.
-    """
-    T_world_link = as_numbers(poses, "poses")
-    if T_world_link.ndim != 3:
-        raise InvalidPose(f"the poses have the shape {T_world_link.shape}, not (m, 4, 4)")
-    candidates = np.asarray(bases, dtype=np.float64)
-    if candidates.ndim != 3 or candidates.shape[1:] != (4, 4) or not np.isfinite(candidates).all():
-        raise InvalidPose("the bases must be finite 4x4 transforms, shape (b, 4, 4)")
-    if not len(candidates):
-        raise InvalidOption("there is no candidate for the base")
-    placements = []
-    for index, T_world_base in enumerate(candidates):
-        T_base_world = inverse(T_world_base)
-        found = reach(
-            robot, moved(scene, T_base_world), T_base_world @ T_world_link, options,
-            link=link, deadline=deadline,
-        )  # fmt: skip
-        if found.completed < len(T_world_link):
-            break
-        placements.append(BasePlacement(index, T_world_base, found))
-        report((index + 1) / len(candidates))
-    return sorted(placements, key=lambda item: item.score, reverse=True)
-
-
-def moved(scene: Scene, T: Array) -> Scene:
-    """The scene with every obstacle moved by T, shape (4, 4)."""
-    return Scene(
-        [
-            Obstacle(item.id, item.shape, T @ item.T_world_obstacle, item.margin)
-            for item in scene.obstacles
-        ],
-        scene.allowed_collisions,
     )

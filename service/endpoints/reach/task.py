@@ -13,13 +13,12 @@ from kinematics.root_frame import frame_pose
 from obstacles.convex.triangles import Triangles
 from obstacles.meshes.writer import glb
 from planning.reach import evaluation
+from planning.reach.base_placement import BasePlacement, place_base
 from planning.reach.evaluation import (
-    BasePlacement,
     PoseGrid,
     Reach,
     ReachOptions,
     Status,
-    place_base,
 )
 from service.endpoints.attached_objects import RobotInScene, robot_in_scene
 from service.endpoints.reach import picture

@@ -11,12 +11,15 @@ from kinematics.ik.closed_form.refine import CODE
 from kinematics.ik.closed_form.structure import structure
 from kinematics.jacobian import geometric
 from kinematics.pose import inverse, rotation_error, rotation_x, rotation_y, rotation_z, transform
+from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.attachment import Attachment, hold
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, HalfSpace, Sphere
+from planning.reach import evaluation
 from planning.reach.assessment import GAIN
+from planning.reach.base_placement import moved, place_base
 from planning.reach.evaluation import (
     Axis,
     Choice,
@@ -25,9 +28,7 @@ from planning.reach.evaluation import (
     ReachOptions,
     Status,
     Tolerance,
-    moved,
     parameter_values,
-    place_base,
     reach,
 )
 from planning.values.deadline import Deadline
@@ -179,7 +180,11 @@ def test_a_free_axis_reaches_what_some_angle_reaches() -> None:
 
 
 @pytest.mark.parametrize("name", ["kr6_sixx", "ur5e", "iiwa14", "panda"])
-def test_turns_about_the_last_axis_are_judged_like_any_deviation(name: str) -> None:
+def test_turns_about_the_last_axis_are_judged_like_any_deviation(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # More values of a parameter are tried where no deviation is reached, not at each of them.
+    monkeypatch.setattr(evaluation, "_LEVELS", 1)
     bar = Obstacle("bar", Box(np.array([0.5, 0.04, 0.04])), transform(None, [0.1, 0.0, 0.1]))
     robot = hold(builtin(name), Scene(), [Attachment(bar, builtin(name).chain.tip_link)]).robot
     tolerance = Tolerance({"rz": (-1.0, 2.0)}, samples=5)
@@ -223,8 +228,11 @@ def test_the_first_free_configuration_tells_the_same_poses(name: str, axis: Axis
 
 @pytest.mark.parametrize("axis", ["rx", "rz"])
 @pytest.mark.parametrize("name", ["kr6_sixx", "ur5e", "panda"])
-def test_what_is_not_looked_at_would_change_nothing(name: str, axis: Axis) -> None:
+def test_what_is_not_looked_at_would_change_nothing(
+    name: str, axis: Axis, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Every branch of every deviation, judged by FCL one after another."""
+    monkeypatch.setattr(evaluation, "_LEVELS", 1)
     robot, T = builtin(name), poses(name, 6)
     chain, world = robot.chain, FclWorld(robot, SCENE)
     tolerance = Tolerance.free(axis, samples=4)
@@ -258,6 +266,49 @@ def test_what_is_not_looked_at_would_change_nothing(name: str, axis: Axis) -> No
         }
         ours, theirs = (figure[got.is_reached] for figure in best[choice])
         assert ours == pytest.approx(theirs, abs=2.0 * GAIN)
+
+
+def crowd(seed: int) -> Scene:
+    """Fourteen boxes around an arm, none of them on its base."""
+    random, boxes = np.random.default_rng(seed), list[Obstacle]()
+    for k in range(14):
+        place = random.uniform([-0.8, -0.8, 0.0], [0.8, 0.8, 1.0])
+        place[:2] *= max(0.35 / np.hypot(*place[:2]), 1.0)
+        turn = Rotation.random(rng=random).as_matrix()
+        boxes.append(Obstacle(f"box {k}", Box(random.uniform(0.05, 0.35, 3)),
+                              transform(turn, place)))  # fmt: skip
+    return Scene(boxes)
+
+
+@pytest.mark.parametrize(("name", "seeds"), [("panda", (21, 23)), ("iiwa14", (5, 11))])
+def test_a_redundant_arm_reaches_what_a_thousand_values_reach(
+    name: str, seeds: tuple[int, ...]
+) -> None:
+    """Also where sixteen values all collide, and where what is behind the last joint does."""
+    robot = builtin(name)
+    chain, form, narrow = robot.chain, structure(robot.chain), 0
+    assert form is not None
+    fine = np.linspace(-np.pi, np.pi, 1000, endpoint=False)
+    if form.locked is not None:
+        low, high = chain.sampling_bounds()
+        fine = np.linspace(low[form.locked], high[form.locked], 1000)
+    for seed in seeds:
+        scene, random = crowd(seed), np.random.default_rng(seed)
+        checker = Checker.of(robot, scene)
+
+        def free(T: np.ndarray, values: np.ndarray, checker: Checker = checker) -> bool:
+            found = branches(chain, T, parameters=values)
+            inside = found.joints[found.within_limits]
+            return any(checker.valid(q) for q in inside)
+
+        T = forward(chain, random.uniform(*chain.sampling_bounds(), (30, chain.n)))
+        got = reach(robot, scene, T, ReachOptions(threads=1)).is_reached
+        for k in range(len(T)):
+            coarse = free(T[k], parameter_values(chain, form))
+            by_parts = (free(T[k], fine[part::20]) for part in range(20))
+            assert got[k] == (coarse or any(by_parts))
+            narrow += bool(got[k]) and not coarse
+    assert narrow > 0
 
 
 def test_a_redundant_arm_counts_a_branch_once() -> None:
