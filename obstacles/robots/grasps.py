@@ -125,7 +125,7 @@ def find_grasps(shape: Shape, down: ArrayLike, search: GraspSearch, span: JawSpa
     down = below / length
     if isinstance(shape, HalfSpace):
         raise InvalidOption("a half-space can't be grasped")
-    surface = _triangles(shape)
+    surface = surface_of(shape)
     middle = 0.5 * (surface.vertices.min(axis=0) + surface.vertices.max(axis=0))
     drawn = zip(*_points(surface, _DRAWN * search.count, search.seed), strict=True)
     if span is None:
@@ -208,7 +208,8 @@ def _cup(normal: Array, search: GraspSearch) -> list[Array]:
     return [R @ rotation_z(2.0 * math.pi * k / search.angles) for k in range(search.angles)]
 
 
-def _triangles(shape: Shape) -> Triangles:
+def surface_of(shape: Shape) -> Triangles:
+    """The surface of a shape in its own frame."""
     if isinstance(shape, Mesh):
         return Triangles(np.asarray(shape.vertices), np.asarray(shape.faces))
     return join(piece_triangles(piece) for piece in shape.pieces())

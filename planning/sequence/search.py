@@ -21,7 +21,7 @@ from planning.sequence.configuration_choice import (
     LimitAvoidance,
     rests_at_limit,
 )
-from planning.sequence.given_joints import check_given_joints
+from planning.sequence.first_checks import check_first
 from planning.sequence.node import (
     Child,
     Node,
@@ -110,7 +110,7 @@ class _Search:
     def run(self) -> SequencePlan | SequenceFailure:
         """Search until nothing is left or time is up."""
         goals = not self._options.allow_partial
-        wrong = check_given_joints(self._task, self._cells, self._deadline, goals=goals)
+        wrong = check_first(self._task, self._cells, self._deadline, goals=goals)
         if wrong is not None:
             return wrong
         root = Node(None, 0, self._task.world, self._task.start, {})

@@ -17,7 +17,14 @@ from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.pose import transform
 from kinematics.tree.srdf import state
-from obstacles.robots.grasps import GraspKind, GraspSearch, find_grasps, jaw_span, object_down
+from obstacles.robots.grasps import (
+    GraspKind,
+    GraspSearch,
+    find_grasps,
+    jaw_span,
+    object_down,
+    surface_of,
+)
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.options import CartesianOptions, Options
@@ -239,9 +246,11 @@ class _Translator:
         search = GraspSearch(cast(GraspKind, kind), **vars(asked))
         grasps = find_grasps(stands.shape, down, search, span)
         if not len(grasps):
-            widest = "" if span is None else f"; the fingers open {span.widest:.4g} m"
+            size = np.ptp(surface_of(stands.shape).vertices, axis=0).round(4).tolist()
+            widest = "" if span is None else f" and the fingers open {span.widest:.4g} m"
             raise InvalidOption(
-                f"grasps: no {kind} grasp of {body.object!r} was found{widest}",
+                f"grasps: no {kind} grasp of {body.object!r} was found: it measures {size} m"
+                f"{widest}",
                 hint="Ask for another kind, more of them, or a wider tool; or give poses.",
             )
         return grasps
