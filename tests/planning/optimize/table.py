@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
 from planning.optimize.iterate import Iterate
@@ -19,13 +18,6 @@ ROBOT = slider()
 #: Limits of speed and acceleration of either slide.
 BOUNDS = {"velocity": np.ones(2), "acceleration": np.full(2, 2.0)}
 START, GOAL = np.array([-0.6, 0.02]), np.array([0.6, 0.02])
-
-
-def gap(q: Array) -> Array:
-    """The ball's distance from the block; inside it the depth, negative, shape (k,)."""
-    out = np.abs(np.atleast_2d(q)) - HALF
-    outside = np.linalg.norm(np.maximum(out, 0.0), axis=1)
-    return np.asarray(outside + np.minimum(out.max(axis=1), 0.0) - RADIUS)
 
 
 def task(scene: Scene = BLOCK, loads: EffortLimits | None = None, margin: float = 0.0) -> Task:

@@ -6,66 +6,17 @@ import numpy as np
 import pytest
 
 from dynamics.model.payload import with_payload
-from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import JointConstraint
 from planning.optimize import objective
 from planning.optimize.iterate import Iterate
 from planning.optimize.linearization import tool_speed, torques
-from planning.optimize.rows import end_rows, limit_rows, local_matrix, stack_rows
-from planning.optimize.spline import SplineSpace
-from planning.optimize.task import End, Task
+from planning.optimize.rows import local_matrix
 from planning.values.optimize_options import Objective
 from tests.planning.optimize.motions import PANDA, SPACE, iterate, packed, task, unpacked
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME
-
-JERK = np.full(7, 300.0)
-
-
-def limited() -> Task:
-    asked = task()
-    return replace(asked, bounds={**asked.bounds, "jerk": JERK})
-
-
-@pytest.mark.parametrize("start", [True, False])
-def test_rows_of_ends_have_the_derivatives_slopes(start: bool) -> None:
-    """A z - known is (D_r P - value T^r) / T^r to first order about where it was linearised."""
-    rng, at = np.random.default_rng(6), iterate(7)
-    moving, still = End(*rng.normal(size=(3, 7))), End.at_rest(np.zeros(7), smooth=False)
-    blocks = end_rows(at, *((moving, still) if start else (still, moving)))
-    direction = np.append(rng.normal(size=len(packed(at)) - 1), 0.0)
-    place = 0.0 if start else 1.0
-
-    def off(step: float, order: int) -> Array:
-        moved = unpacked(packed(at) + step * direction)
-        rate = moved.sample(np.array([place]), order)[0]
-        return np.asarray(rate - moving.derivatives[order] * moved.duration**order)
-
-    for order, block in enumerate(blocks, 1):
-        scale = at.duration**order
-        np.testing.assert_array_equal(block.lower, block.upper)
-        here = block.A @ packed(at) - block.lower
-        np.testing.assert_allclose(here, off(0.0, order) / scale, atol=1e-9)
-        slope = (off(1e-6, order) - off(-1e-6, order)) / (2e-6 * scale)
-        np.testing.assert_allclose(block.A @ direction, slope, atol=1e-5 * np.abs(slope).max())
-
-
-def test_limits_of_the_same_names_but_other_numbers_are_not_mixed_up() -> None:
-    """Rows of limits are kept for the next round: by space, order and limits."""
-    at, asked = iterate(11), task()
-    halved = replace(asked, bounds={k: 0.5 * v for k, v in asked.bounds.items()})
-    other = Iterate(SplineSpace.uniform(4, 11), at.points, at.duration)
-    for _ in range(2):
-        whole, half = (limit_rows(t, at, 0.0)[0] for t in (asked, halved))
-        np.testing.assert_allclose(
-            half.A.toarray()[:, :-2], 2.0 * whole.A.toarray()[:, :-2], atol=1e-12
-        )
-        again = limit_rows(asked, other, 0.0)[0]
-        np.testing.assert_array_equal(again.A.toarray(), whole.A.toarray())
-    assert PANDA.n == 7
-
 
 U = np.linspace(0.03, 0.97, 9)
 
@@ -105,21 +56,6 @@ def test_models_have_the_gradient_of_the_objective(name: Objective) -> None:
         # The smoothing of the time objective is part of its model.
         assert gradient @ direction == pytest.approx(slope, rel=1e-4, abs=0.1)
     assert (np.linalg.eigvalsh(model.H.toarray()) > -1e-6 * abs(model.H).max()).all()
-
-
-def test_limit_rows_lie_on_the_safe_side() -> None:
-    at, asked, rng = replace(iterate(5, 0.01), duration=2.5), task(), np.random.default_rng(6)
-    rows = stack_rows(limit_rows(asked, at, 0.0))
-    kept = 0
-    for _ in range(300):
-        T = at.duration * rng.uniform(0.5, 2.0)
-        other = Iterate(SPACE, at.points + 0.01 * rng.normal(size=at.points.shape), T)
-        if (rows.A @ packed(other) <= rows.upper).all():
-            kept += 1
-            motion = other.trajectory(PANDA.joint_names)
-            for order, limits in asked.orders.items():
-                assert (motion.peaks(order).value <= limits * (1.0 + 1e-9)).all()
-    assert kept > 20
 
 
 PINOCCHIO = PinocchioArm()
@@ -242,40 +178,3 @@ def test_the_carrier_decides_the_energy_of_the_model() -> None:
             for step in (1e-5, -1e-5)
         )
         assert slope == pytest.approx((ahead - behind) / 2e-5, abs=1e-4 * value)
-
-
-NO_RATE = np.zeros(7)
-
-
-@pytest.mark.parametrize(
-    ("end", "still"),
-    [
-        (End(HOME, NO_RATE), True),
-        (End(HOME, NO_RATE, NO_RATE), True),
-        (End(HOME, 1e-9 * np.eye(7)[3]), False),
-        (End(HOME, NO_RATE, 1e-9 * np.eye(7)[3]), False),
-    ],
-)
-def test_only_without_velocity_and_acceleration_an_end_is_still(end: End, still: bool) -> None:
-    assert end.still is still
-
-
-def test_what_is_given_of_an_end_can_not_be_changed_afterwards() -> None:
-    velocity, acceleration = np.ones(7), np.ones(7)
-    end = End(HOME, velocity, acceleration)
-    velocity[0] = acceleration[0] = 5.0
-    assert end.velocity[0] == 1.0
-    for values in end.derivatives:
-        with pytest.raises(ValueError, match="read-only"):
-            values[0] = 2.0
-
-
-def test_limits_are_ordered_by_derivative_and_left_out_where_there_are_none() -> None:
-    asked = task()
-    assert list(asked.orders) == [1, 2]
-    np.testing.assert_array_equal(asked.orders[1], PANDA.limits.velocity)
-    np.testing.assert_array_equal(asked.orders[2], PANDA.limits.acceleration)
-    jerk = np.full(7, np.inf)
-    for values, orders in ((jerk, [2]), (np.where(np.arange(7) == 2, 5.0, jerk), [2, 3])):
-        bounds = {"velocity": jerk, "acceleration": np.ones(7), "jerk": values}
-        assert list(replace(task(), bounds=bounds).orders) == orders
