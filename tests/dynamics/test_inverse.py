@@ -1,16 +1,43 @@
-"""Newton-Euler against pinocchio, the Lagrangian terms and the notes' closed forms."""
+"""Inverse and forward dynamics and their terms: pinocchio, closed forms, batches and CasADi."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
+import casadi
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import mutually_broadcastable_shapes
+from scipy.integrate import solve_ivp
 
+from dynamics.forward import forward_dynamics
 from dynamics.inverse import inverse_dynamics
-from kinematics.errors import InvalidOption, InvalidRobotState
-from kinematics.forward import forward
+from dynamics.parameters.regressor import regressor
+from dynamics.symbolic import symbolic_inverse_dynamics
+from dynamics.terms import (
+    augmented_mass_matrix,
+    christoffel_symbols,
+    coriolis_matrix,
+    gravity_vector,
+    kinetic_energy,
+    mass_matrix,
+    partial_jacobians,
+    potential_energy,
+)
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption, InvalidRobotState, MissingInertia
+from kinematics.forward import forward, joint_frames, link_poses
+from kinematics.jacobian import geometric, geometric_rate
+from kinematics.model.chain import Chain, Inertia, stack_vectors
+from kinematics.pose import transform
+from kinematics.robots import builtin_chain
+from kinematics.velocity import holding_torques, joint_velocities, link_twist
 from tests.dynamics.samples import (
+    cart_pendulum,
     pinocchio_model,
+    planar_rr,
     random_chain,
     random_state,
     relative_error,
@@ -71,3 +98,247 @@ def test_faults_are_named() -> None:
         inverse_dynamics(chain, q, q, q, wrench=[1.0, 2.0, 3.0])
     with pytest.raises(InvalidOption, match="does not fit joints"):
         inverse_dynamics(chain, q, q, q, wrench=np.zeros((2, 6)))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_undoes_inverse_dynamics(seed: int) -> None:
+    chain = random_chain(seed, 1 + seed % 9, motors=True)
+    q, qd, qdd = random_state(chain, seed)
+    F, g = np.random.default_rng(seed).normal(size=(len(q), 6)), [1.0, 2.0, -3.0]
+    torque = inverse_dynamics(chain, q, qd, qdd, F, g)
+    assert relative_error(forward_dynamics(chain, q, qd, torque, F, g), qdd) < 1e-10
+
+
+def test_a_body_without_inertia_about_its_axis_is_named() -> None:
+    arm = planar_rr()
+    nothing = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    links = tuple(
+        replace(link, inertia=nothing) if link.name == "link1" else link for link in arm.links
+    )
+    massless = replace(arm, links=links)
+    with pytest.raises(MissingInertia, match="'q2'"):
+        forward_dynamics(massless, [0.1, 0.2], [0.0, 0.0], [0.0, 0.0])
+    # A motor at that joint is enough.
+    driven = replace(massless, motor_inertia=np.array([0.0, 0.1]))
+    qdd = forward_dynamics(driven, [0.1, 0.2], [0.0, 0.0], [0.0, 0.5])
+    assert qdd[1] == pytest.approx(5.0)
+
+
+def test_faults_are_named_of_forward() -> None:
+    chain = random_chain(4)
+    q = np.zeros(chain.n)
+    with pytest.raises(InvalidRobotState, match="torques has 1 value"):
+        forward_dynamics(chain, q, q, [1.0])
+    with pytest.raises(InvalidRobotState, match="torques is not finite"):
+        forward_dynamics(chain, q, q, np.full(chain.n, np.inf), wrench=np.zeros(6))
+
+
+def test_gravity_can_be_replaced_and_is_linear() -> None:
+    chain = random_chain(1)
+    q = random_state(chain, 0)[0]
+    G = gravity_vector(chain, q, [0.0, 0.0, -1.0])
+    np.testing.assert_allclose(gravity_vector(chain, q, [0, 0, -3.0]), 3.0 * G, atol=1e-12)
+    np.testing.assert_array_equal(potential_energy(chain, q, [0, 0, 0]), 0.0)
+    assert potential_energy(chain, q[0]).shape == ()
+
+
+def test_a_robot_far_from_its_base_loses_no_digits() -> None:
+    chain = random_chain(7)
+    offsets = chain.offsets.copy()
+    offsets[0] = transform(position=[1e4, -2e4, 3e4]) @ offsets[0]
+    far = replace(chain, offsets=offsets)
+    q, qd, _ = random_state(chain, 0)
+    assert relative_error(coriolis_matrix(far, q, qd), coriolis_matrix(chain, q, qd)) < 1e-10
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_christoffel_symbols_are_derivatives_of_the_mass_matrix(seed: int) -> None:
+    chain = random_chain(seed, 4)
+    q, qd, _ = random_state(chain, seed, 6)
+    symbols = christoffel_symbols(chain, q)
+    assert symbols.shape == (6, 4, 4, 4)
+    np.testing.assert_allclose(symbols, np.swapaxes(symbols, 1, 2), atol=1e-12)
+    C = np.einsum("mijk,mi->mkj", symbols, qd)
+    np.testing.assert_allclose(C, coriolis_matrix(chain, q, qd), atol=1e-11)
+    model, step = pinocchio_model(chain), 1e-6
+
+    def mass(at: np.ndarray) -> np.ndarray:
+        upper = np.triu(pin.crba(model, model.createData(), at))
+        return np.asarray(upper + np.triu(upper, 1).T)
+
+    for at, c in zip(q, symbols, strict=True):
+        ends = [(mass(at + step * e), mass(at - step * e)) for e in np.eye(4)]
+        # d[m, i, j] is the derivative of d_ij with respect to q_m.
+        d = np.array([(after - before) / (2.0 * step) for after, before in ends])
+        first, second = np.einsum("ikj->ijk", d), np.einsum("jki->ijk", d)
+        np.testing.assert_allclose(c, 0.5 * (first + second - np.einsum("kij->ijk", d)), atol=1e-7)
+
+
+def test_motors_are_in_the_augmented_matrix_only() -> None:
+    chain = random_chain(2, motors=True)
+    q = random_state(chain, 0)[0]
+    added = augmented_mass_matrix(chain, q) - mass_matrix(chain, q)
+    np.testing.assert_allclose(added, np.broadcast_to(np.diag(chain.motor_inertia), added.shape))
+
+
+def swing(chain: Chain, duration: float) -> tuple[Array, Array]:
+    """Free motion from a random state: q and q_dot, both (m, n)."""
+    n = chain.n
+    zero = np.zeros(n)
+
+    def rate(_: float, x: Array) -> Array:
+        return np.concatenate([x[n:], forward_dynamics(chain, x[:n], x[n:], zero)])
+
+    start = np.random.default_rng(0).uniform(-1, 1, 2 * n)
+    solution = solve_ivp(rate, (0.0, duration), start, method="DOP853", rtol=1e-12, atol=1e-12)
+    return solution.y[:n].T, solution.y[n:].T
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_energies_equal_pinocchios(seed: int) -> None:
+    chain = random_chain(seed, motors=True)
+    model = pinocchio_model(chain)
+    data = model.createData()
+    q, qd, _ = random_state(chain, seed)
+    T = kinetic_energy(chain, q, qd)
+    for k in range(len(q)):
+        assert T[k] == pytest.approx(pin.computeKineticEnergy(model, data, q[k], qd[k]), rel=1e-12)
+        U = pin.computePotentialEnergy(model, data, q[k])
+        assert potential_energy(chain, q[k]) == pytest.approx(U, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "chain",
+    [planar_rr(), cart_pendulum(), random_chain(11, 4), builtin_chain("stanford")],
+    ids=lambda chain: chain.name,
+)
+def test_is_conserved_in_free_motion_over_ten_seconds(chain: Chain) -> None:
+    q, qd = swing(chain, 10.0)
+    E = kinetic_energy(chain, q, qd) + potential_energy(chain, q)
+    spread = np.ptp(kinetic_energy(chain, q, qd))
+    assert spread > 0.1
+    assert np.ptp(E) < 1e-6 * spread
+
+
+def test_is_spent_by_friction() -> None:
+    chain = replace(random_chain(3, 3), viscous_friction=np.array([1.0, 2.0, 3.0]))
+    q, qd = swing(chain, 1.0)
+    E = kinetic_energy(chain, q, qd) + potential_energy(chain, q)
+    assert (np.diff(E) < 0.0).all()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_equals_pinocchio_and_makes_the_mass_matrix(seed: int) -> None:
+    chain = random_chain(seed, 2 + seed % 5)
+    model = pinocchio_model(chain)
+    data = model.createData()
+    q = random_state(chain, seed, 4)[0]
+    linear, angular = partial_jacobians(chain, q)
+    assert linear.shape == angular.shape == (4, chain.n, 3, chain.n)
+    for k, at in enumerate(q):
+        pin.computeJointJacobians(model, data, at)
+        D = np.zeros((chain.n, chain.n))
+        for i in range(chain.n):
+            J = pin.getJointJacobian(model, data, i + 1, pin.LOCAL_WORLD_ALIGNED)
+            body, R = model.inertias[i + 1], data.oMi[i + 1].rotation
+            at_center = J[:3] - pin.skew(R @ body.lever) @ J[3:]
+            np.testing.assert_allclose(linear[k, i], at_center, atol=1e-12)
+            np.testing.assert_allclose(angular[k, i], J[3:], atol=1e-12)
+            D += body.mass * linear[k, i].T @ linear[k, i]
+            D += angular[k, i].T @ R @ body.inertia @ R.T @ angular[k, i]
+        M = pin.crba(model, data, at)
+        np.testing.assert_allclose(np.triu(D), np.triu(M), atol=1e-11)
+
+
+CHAIN = random_chain(3, 6, motors=True)
+POINT = (0.1, 0.0, 0.2)
+#: What is asked of a chain, a configuration and two more vectors of its joints.
+CALLS: dict[str, Callable[[Chain, Array, Array, Array], Array]] = {
+    "forward": lambda c, q, v, a: forward(c, q),
+    "forward of a link": lambda c, q, v, a: forward(c, q, "link2"),
+    "link poses": lambda c, q, v, a: link_poses(c, q),
+    "joint frames": lambda c, q, v, a: joint_frames(c, q),
+    "Jacobian": lambda c, q, v, a: geometric(c, q),
+    "Jacobian of a point": lambda c, q, v, a: geometric(c, q, "link2", POINT),
+    "rate": lambda c, q, v, a: geometric_rate(c, q, v),
+    "twist": lambda c, q, v, a: link_twist(c, q, v, "link2", POINT),
+    "joint velocities": lambda c, q, v, a: joint_velocities(c, q, v, nullspace=a).joint_velocities,
+    "holding torques": lambda c, q, v, a: holding_torques(c, q, v),
+    "inverse dynamics": inverse_dynamics,
+    "forward dynamics": forward_dynamics,
+    "mass matrix": lambda c, q, v, a: mass_matrix(c, q),
+    "Coriolis matrix": lambda c, q, v, a: coriolis_matrix(c, q, v),
+    "gravity": lambda c, q, v, a: gravity_vector(c, q),
+    "regressor": regressor,
+    "kinetic energy": lambda c, q, v, a: kinetic_energy(c, q, v),
+    "potential energy": lambda c, q, v, a: potential_energy(c, q),
+    "partial Jacobians": lambda c, q, v, a: partial_jacobians(c, q).linear,
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("lead", [(1,), (7,), (8,), (2, 3), (19,)])
+def test_a_batch_is_what_each_of_it_is_alone(name: str, lead: tuple[int, ...]) -> None:
+    call, rng = CALLS[name], np.random.default_rng(4)
+    q, v, a = rng.uniform(-2.0, 2.0, (3, *lead, CHAIN.n))
+    many = call(CHAIN, q, v, a)
+    for at in np.ndindex(*lead):
+        np.testing.assert_allclose(many[at], call(CHAIN, q[at], v[at], a[at]), atol=1e-9)
+    assert call(CHAIN, q[:0], v[:0], a[:0]).shape == (0, *many.shape[1:])
+
+
+BATCH_CHAIN = random_chain(3, 3)
+NAMES = ("joints", "velocities", "accelerations")
+
+
+@given(
+    mutually_broadcastable_shapes(num_shapes=3, max_dims=3, min_side=0, max_side=3),
+    st.integers(0, 2**31),
+)
+def test_vectors_stack_as_numpy_broadcasts_them(shapes: tuple[object, ...], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    inputs = shapes.input_shapes  # type: ignore[attr-defined]
+    vectors = {name: rng.normal(size=(*lead, 3)) for name, lead in zip(NAMES, inputs, strict=True)}
+    stack, lead = stack_vectors(BATCH_CHAIN, **vectors)
+    assert lead == shapes.result_shape  # type: ignore[attr-defined]
+    expected = np.stack(np.broadcast_arrays(*vectors.values()), axis=-2)
+    np.testing.assert_array_equal(stack, expected.reshape(-1, 3, 3))
+    assert stack.flags.c_contiguous
+
+
+def test_batches_that_do_not_fit_are_named_with_their_shapes() -> None:
+    with pytest.raises(InvalidRobotState, match="batches do not fit") as caught:
+        stack_vectors(BATCH_CHAIN, joints=np.zeros((4, 3)), velocities=np.zeros((2, 3)))
+    assert "joints (4, 3), velocities (2, 3)" in caught.value.message
+    with pytest.raises(InvalidRobotState, match="do not fit"):
+        stack_vectors(BATCH_CHAIN, a=np.zeros((2, 4, 3)), b=np.zeros((4, 2, 3)))
+
+
+CHAINS = [planar_rr(), cart_pendulum(), random_chain(2, 3, motors=True), random_chain(5, 4)]
+CHAINS += [builtin_chain(name) for name in ("panda", "puma560", "stanford", "scara")]
+
+
+@pytest.mark.parametrize("chain", CHAINS, ids=lambda chain: chain.name)
+def test_the_recursion_equals_the_kernel(chain: Chain) -> None:
+    symbols = [casadi.SX.sym(name, chain.n) for name in ("q", "qd", "qdd")]
+    inverse = casadi.Function("tau", symbols, [symbolic_inverse_dynamics(chain, *symbols)])
+    for q, qd, qdd in zip(*random_state(chain, 1, 10), strict=True):
+        expected = inverse_dynamics(chain, q, qd, qdd)
+        assert relative_error(np.array(inverse(q, qd, qdd))[:, 0], expected) < 1e-11
+
+
+def test_serves_an_optimiser() -> None:
+    chain, g = planar_rr(), [1.0, -3.0, 0.0]
+    q = casadi.MX.sym("q", 2)
+    torque = symbolic_inverse_dynamics(chain, q, casadi.DM.zeros(2), casadi.DM.zeros(2), g)
+    stiffness = casadi.Function("stiffness", [q], [casadi.jacobian(torque, q)])
+    at, step = np.array([0.3, -0.8]), 1e-6
+    for j in range(2):
+        e = step * np.eye(2)[j]
+        slope = (gravity_vector(chain, at + e, g) - gravity_vector(chain, at - e, g)) / (2 * step)
+        np.testing.assert_allclose(np.array(stiffness(at))[:, j], slope, atol=1e-8)
+
+
+def test_faults_are_named_of_symbolic() -> None:
+    with pytest.raises(InvalidRobotState, match="3 symbolic"):
+        symbolic_inverse_dynamics(planar_rr(), *(casadi.SX.sym(x, 3) for x in "qva"))
