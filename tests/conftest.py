@@ -27,7 +27,7 @@ LONG = (
     "tests/compiled/test_build.py", "tests/command_line/test_studio.py",
     "tests/planning/goal_choice/test_sequences.py",
     "tests/service/test_startup.py", "tests/service/test_agents.py",
-    "tests/obstacles/distance/triangles/test_motion.py",
+    "tests/obstacles/distance/triangles/test_distance.py",
     "tests/service/test_positioner_obstacles.py",
     "tests/course/test_example_course.py", "tests/service/test_server.py", "tests/test_readme.py",
     "tests/command_line/test_main.py", "tests/planning/proof/test_mimic_joints.py",

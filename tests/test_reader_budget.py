@@ -22,7 +22,7 @@ from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.robots.visual_geometry import visual_geometry
 from obstacles.scenes.moveit import scene_from_moveit
 from service.translate.robots.archive import read_archive
-from tests.obstacles.meshes.test_collada import POLYGONS, TRIANGLES, written
+from tests.obstacles.meshes.test_mesh import POLYGONS, TRIANGLES, written
 
 #: Of one small file, with all the load of other tests [s of the processor], [MiB].
 SECONDS, MEMORY = 5.0, 300.0

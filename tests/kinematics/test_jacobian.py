@@ -1,15 +1,38 @@
-"""Jacobians against pinocchio on real robots, and against differences of the pose."""
+"""Jacobians, velocities and forces beside pinocchio, differences, virtual work and CasADi."""
 
+import casadi
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption
-from kinematics.forward import forward
-from kinematics.jacobian import analytic_zyz, geometric, manipulability
+from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotState
+from kinematics.forward import forward, joint_frames
+from kinematics.jacobian import (
+    analytic_zyz,
+    geometric,
+    geometric_rate,
+    manipulability,
+    pose_and_jacobian,
+)
 from kinematics.model.chain import Chain
 from kinematics.pose import from_zyz, rotation_error, to_zyz
+from kinematics.robots import builtin_chain, builtin_names, builtin_urdf
+from kinematics.symbolic import (
+    symbolic_frames,
+    symbolic_jacobian,
+)
+from kinematics.velocity import (
+    DAMPED_BELOW,
+    holding_torques,
+    joint_velocities,
+    link_twist,
+    singular_directions,
+)
+from tests.dynamics.samples import random_chain as symbolic_random_chain
+from tests.dynamics.samples import random_state
 from tests.kinematics.samples import Sample, configurations, random_chain, reference, samples
+from tests.planning.pinocchio_arm import PinocchioArm
 
 #: Central differences are off by step^2 (6e-10) and by rounding / step (1e-11).
 STEP = 1e-5
@@ -91,3 +114,319 @@ def test_manipulability() -> None:
         J = rng.normal(size=(6, int(rng.integers(6, 9))))
         singular = np.array(np.linalg.svd(J, compute_uv=False), dtype=np.float64)
         assert manipulability(singular) == pytest.approx(np.sqrt(np.linalg.det(J @ J.T)))
+
+
+@pytest.mark.parametrize("name", [name for name in builtin_names() if name != "cart_pendulum"])
+def test_twist_and_jacobian_rate_are_pinocchios(name: str) -> None:
+    arm, rng = PinocchioArm(name), np.random.default_rng(0)
+    for q in configurations(arm.chain, 5):
+        rates = rng.normal(size=arm.chain.n)
+        twist, rate = arm.twist(q, rates), arm.jacobian_rate(q, rates)
+        np.testing.assert_allclose(link_twist(arm.chain, q, rates), twist, atol=1e-12)
+        np.testing.assert_allclose(geometric_rate(arm.chain, q, rates), rate, atol=1e-11)
+
+
+def test_jacobian_rate_equals_differences_at_any_point_of_any_link() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(60):
+        chain = random_chain(rng)
+        q, rates = rng.uniform(-3, 3, chain.n), rng.uniform(-1, 1, chain.n)
+        link = chain.links[int(rng.integers(len(chain.links)))].name
+        point = rng.uniform(-0.5, 0.5, 3)
+        ahead = geometric(chain, q + STEP * rates, link, point)
+        behind = geometric(chain, q - STEP * rates, link, point)
+        expected = (ahead - behind) / (2 * STEP)
+        np.testing.assert_allclose(
+            geometric_rate(chain, q, rates, link, point), expected, atol=1e-7
+        )
+
+
+@pytest.mark.parametrize("n", [1, 3, 5, 6, 7, 9])
+def test_undamped_is_the_pseudo_inverse(n: int) -> None:
+    rng = np.random.default_rng(n)
+    for _ in range(20):
+        chain = random_chain(rng, n)
+        q, xi, b = rng.uniform(-3, 3, n), rng.normal(size=6), rng.normal(size=n)
+        J = geometric(chain, q)
+        inverse = np.linalg.pinv(J, rcond=1e-12)
+        if np.linalg.norm(inverse) > 1e6:
+            continue
+        solution = joint_velocities(chain, q, xi, nullspace=b, damped_below=0.0)
+        expected = inverse @ xi + (np.eye(n) - inverse @ J) @ b
+        scale = max(1.0, float(np.linalg.norm(inverse)))
+        np.testing.assert_allclose(solution.joint_velocities, expected, atol=1e-10 * scale**2)
+        np.testing.assert_allclose(solution.residual, xi - J @ expected, atol=1e-10 * scale**2)
+        assert (solution.gains == 1.0).all()
+
+
+def test_six_regular_joints_give_the_twist_itself() -> None:
+    chain = builtin_chain("ur5e")
+    q, xi = np.array([0.3, -1.0, 1.4, -0.7, -1.3, 0.2]), np.array([0.1, -0.2, 0.3, 0.4, -0.5, 0.6])
+    solution = joint_velocities(chain, q, xi)
+    assert np.abs(solution.residual).max() < 1e-14
+    np.testing.assert_allclose(link_twist(chain, q, solution.joint_velocities), xi, atol=1e-13)
+
+
+def test_nullspace_moves_the_arm_and_not_the_tip() -> None:
+    chain = builtin_chain("panda")
+    q = np.array([0.3, -0.5, 0.2, -2.0, 0.3, 1.7, 0.4])
+    xi = np.zeros(6)
+    solution = joint_velocities(chain, q, xi, nullspace=np.ones(7))
+    assert np.linalg.norm(solution.joint_velocities) > 0.1
+    assert np.abs(solution.residual).max() < 1e-14
+    ahead, behind = (forward(chain, q + h * solution.joint_velocities) for h in (STEP, -STEP))
+    assert np.abs(ahead - behind).max() < 1e-9
+
+
+def wrist_singular(chain: Chain, bend: float) -> Array:
+    q = np.array([0.3, -0.6, 1.1, 0.4, bend, -0.2])
+    return np.array(np.clip(q, chain.limits.lower, chain.limits.upper))
+
+
+@pytest.mark.parametrize("bend", [0.0, 1e-12, 1e-6, 1e-3])
+def test_near_a_singularity_joints_stay_slow_and_what_is_lost_is_told(bend: float) -> None:
+    chain = builtin_chain("kr6_sixx")
+    q = wrist_singular(chain, bend)
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        xi = rng.normal(size=6)
+        solution = joint_velocities(chain, q, xi)
+        found = solution.directions
+        damped = solution.gains < 1.0
+        assert damped.sum() == 1
+        assert damped[-1]
+        assert np.linalg.norm(solution.joint_velocities) <= np.linalg.norm(xi) / (
+            0.5 * DAMPED_BELOW
+        )
+        # All that is missing of the twist lies along the direction told.
+        lost = found.twists[:, -1]
+        np.testing.assert_allclose(
+            solution.residual, (1.0 - solution.gains[-1]) * lost * (lost @ xi), atol=1e-9
+        )
+
+
+def test_damping_sets_in_without_a_jump() -> None:
+    chain = builtin_chain("kr6_sixx")
+    xi = np.array([0.2, 0.1, -0.3, 0.5, -0.4, 0.3])
+    bends = np.linspace(-0.1, 0.1, 4001)
+    batch = np.array([wrist_singular(chain, bend) for bend in bends])
+    solution = joint_velocities(chain, batch, xi)
+    assert (solution.gains < 1.0).any()
+    assert (solution.gains[0] == 1.0).all()
+    jumps = np.abs(np.diff(solution.joint_velocities, axis=0)).max()
+    assert jumps < 0.02 * np.abs(solution.joint_velocities).max()
+
+
+def test_rank_and_singular_directions() -> None:
+    chain = builtin_chain("kr6_sixx")
+    J = geometric(chain, wrist_singular(chain, 0.0))
+    found = singular_directions(J)
+    assert found.rank == 5
+    assert np.abs(found.twists[:, -1] @ J).max() < 1e-12
+    still = found.motions[-1]
+    assert np.abs(J @ still).max() < 1e-12
+    # Axes 4 and 6 turn against each other.
+    assert abs(still[3]) == pytest.approx(np.sqrt(0.5), abs=1e-9)
+    assert abs(still[5]) == pytest.approx(np.sqrt(0.5), abs=1e-9)
+    assert singular_directions(geometric(builtin_chain("scara"), np.zeros(4))).rank <= 4
+
+
+def test_pose_and_jacobian_are_those_of_the_single_calls() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        chain = random_chain(rng)
+        q = rng.uniform(-3, 3, chain.n)
+        for link in (None, *chain.index):
+            T, J = pose_and_jacobian(chain, q.tolist(), link)
+            np.testing.assert_allclose(T, forward(chain, q, link), atol=1e-15)
+            np.testing.assert_allclose(J, geometric(chain, q, link, [0, 0, 0]), atol=1e-14)
+
+
+def test_bad_input_is_named() -> None:
+    chain = builtin_chain("panda")
+    q = np.zeros(7)
+    with pytest.raises(InvalidOption, match="twist"):
+        joint_velocities(chain, q, [0.0] * 5)
+    with pytest.raises(InvalidOption, match="twist"):
+        joint_velocities(chain, q, [np.nan] * 6)
+    with pytest.raises(InvalidOption, match="damped_below"):
+        joint_velocities(chain, q, [0.0] * 6, damped_below=-1.0)
+    with pytest.raises(InvalidRobotState, match="nullspace"):
+        joint_velocities(chain, q, [0.0] * 6, nullspace=[0.0])
+    with pytest.raises(InvalidRobotState, match="joint_velocities"):
+        link_twist(chain, q, [0.0])
+    with pytest.raises(InvalidRobotState):
+        pose_and_jacobian(chain, np.zeros((2, 7)))
+
+
+def test_batches_go_with_one_configuration_or_as_many() -> None:
+    chain = builtin_chain("panda")
+    rng = np.random.default_rng(8)
+    q, rates, twist = rng.uniform(-1, 1, (4, 7)), rng.normal(size=(4, 7)), rng.normal(size=(4, 6))
+    moved = link_twist(chain, q[0], rates)
+    solved = joint_velocities(chain, q[0], twist, nullspace=rates).joint_velocities
+    for k in range(4):
+        np.testing.assert_allclose(moved[k], link_twist(chain, q[0], rates[k]), atol=1e-13)
+        alone = joint_velocities(chain, q[0], twist[k], nullspace=rates[k]).joint_velocities
+        np.testing.assert_allclose(solved[k], alone, atol=1e-12)
+
+
+def test_batches_that_do_not_fit_are_named_with_their_shapes() -> None:
+    chain = builtin_chain("panda")
+    q, rates, twist = np.zeros((4, 7)), np.zeros((3, 7)), np.zeros((3, 6))
+    with pytest.raises(InvalidOption, match=r"joints \(4,\), joint_velocities \(3,\)"):
+        link_twist(chain, q, rates)
+    with pytest.raises(InvalidOption, match=r"joints \(4,\), twist \(3,\)"):
+        joint_velocities(chain, q, twist)
+    with pytest.raises(InvalidOption, match=r"joints \(4,\), nullspace \(3,\)"):
+        joint_velocities(chain, q, np.zeros(6), nullspace=rates)
+
+
+STATICS_STEP = 1e-6
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "stanford", "scara"])
+def test_a_load_at_any_link_is_what_pinocchio_adds_for_it(name: str) -> None:
+    chain = builtin_chain(name)
+    model = pin.buildModelFromXML(builtin_urdf(name))
+    data = model.createData()
+    rng = np.random.default_rng(0)
+    still = np.zeros(chain.n)
+    for q in configurations(chain, 3):
+        for link in chain.links:
+            wrench = rng.normal(size=6)
+            pin.framesForwardKinematics(model, data, q)
+            frame = model.getFrameId(link.name)
+            joint = model.frames[frame].parentJoint
+            # The wrench at the link's origin in base axes, moved into the joint's frame.
+            at_origin = pin.SE3(np.eye(3), data.oMf[frame].translation)
+            local = data.oMi[joint].actInv(at_origin.act(pin.Force(wrench)))
+            external = pin.StdVec_Force()
+            for _ in range(model.njoints):
+                external.append(pin.Force.Zero())
+            external[joint] = local
+            alone = pin.rnea(model, data, q, still, still).copy()
+            expected = alone - pin.rnea(model, data, q, still, still, external)
+            np.testing.assert_allclose(
+                holding_torques(chain, q, wrench, link.name), expected, atol=1e-10
+            )
+
+
+def test_work_of_the_joints_is_the_work_of_the_force() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(40):
+        chain = random_chain(rng)
+        q, dq, force = rng.uniform(-3, 3, chain.n), rng.normal(size=chain.n), rng.normal(size=3)
+        point = rng.uniform(-0.5, 0.5, 3)
+        ends = [
+            T[:3, :3] @ point + T[:3, 3]
+            for T in (forward(chain, q + STATICS_STEP * dq), forward(chain, q - STATICS_STEP * dq))
+        ]
+        work = float(force @ (ends[0] - ends[1])) / (2 * STATICS_STEP)
+        torques = holding_torques(chain, q, [*force, 0, 0, 0], point=point)
+        assert torques @ dq == pytest.approx(work, abs=1e-7)
+
+
+def test_batches_and_bad_wrenches() -> None:
+    chain = builtin_chain("panda")
+    q = np.random.default_rng(2).uniform(-1, 1, (4, 7))
+    wrench = np.arange(6.0)
+    batch = holding_torques(chain, q, wrench)
+    for k in range(4):
+        np.testing.assert_allclose(batch[k], holding_torques(chain, q[k], wrench), atol=1e-14)
+    for bad in ([0.0] * 5, [np.inf] * 6, "wrench", 1.0):
+        with pytest.raises(InvalidOption, match="wrench"):
+            holding_torques(chain, q, bad)
+
+
+def test_a_batch_of_wrenches_goes_with_one_configuration_or_as_many() -> None:
+    chain = builtin_chain("panda")
+    rng = np.random.default_rng(3)
+    q, F = rng.uniform(-1, 1, (4, 7)), rng.normal(size=(4, 6))
+    each, same = holding_torques(chain, q, F), holding_torques(chain, q[0], F)
+    for k in range(4):
+        np.testing.assert_allclose(each[k], holding_torques(chain, q[k], F[k]), atol=1e-13)
+        np.testing.assert_allclose(same[k], holding_torques(chain, q[0], F[k]), atol=1e-13)
+    with pytest.raises(InvalidOption, match=r"wrenches \(3, 6\) does not fit joints \(4, 7\)"):
+        holding_torques(chain, q, F[:3])
+
+
+def test_torques_are_linear_in_the_wrench() -> None:
+    chain = builtin_chain("ur5e")
+    rng = np.random.default_rng(4)
+    q, F, G = rng.uniform(-1, 1, 6), rng.normal(size=6), rng.normal(size=6)
+    both = holding_torques(chain, q, 2.0 * F - 3.0 * G)
+    parts = 2.0 * holding_torques(chain, q, F) - 3.0 * holding_torques(chain, q, G)
+    np.testing.assert_allclose(both, parts, atol=1e-12)
+
+
+CHAINS = [
+    *(symbolic_random_chain(seed, 1 + seed) for seed in range(8)),
+    *(builtin_chain(name) for name in builtin_names()),
+]
+
+
+def ids(chain: object) -> str:
+    return getattr(chain, "name", "")
+
+
+@pytest.mark.parametrize("chain", CHAINS, ids=ids)
+def test_equals_the_kernels_for_every_link(chain: Chain) -> None:
+    symbols = casadi.SX.sym("q", chain.n)
+    for link in chain.index:
+        jacobian = casadi.Function("J", [symbols], [symbolic_jacobian(chain, symbols, link)])
+        for q in random_state(chain, 1, 10)[0]:
+            J = np.array(jacobian(q))
+            np.testing.assert_allclose(J, geometric(chain, q, link), atol=1e-12, rtol=0)
+
+
+@pytest.mark.parametrize("chain", CHAINS, ids=ids)
+def test_frames_are_those_of_the_joints(chain: Chain) -> None:
+    q = casadi.SX.sym("q", chain.n)
+    frames = casadi.Function("frames", [q], symbolic_frames(chain, q))
+    for value in random_state(chain, 2, 5)[0]:
+        got = frames(value) if chain.n > 1 else [frames(value)]
+        np.testing.assert_allclose(
+            np.array([np.array(T) for T in got]), joint_frames(chain, value), atol=1e-12, rtol=0
+        )
+
+
+@pytest.mark.parametrize("chain", CHAINS, ids=ids)
+def test_jacobian_is_the_derivative_of_the_pose(chain: Chain) -> None:
+    q = casadi.SX.sym("q", chain.n)
+    point = np.array([0.1, -0.2, 0.3])
+    T = symbolic_frames(chain, q)[-1] @ casadi.DM(chain.link(chain.tip_link).T_joint_link)
+    p = T[:3, :3] @ casadi.DM(point) + T[:3, 3]
+    columns = []
+    for j in range(chain.n):
+        S = casadi.reshape(casadi.jacobian(casadi.vec(T[:3, :3]), q[j]), 3, 3) @ T[:3, :3].T
+        columns.append(casadi.vertcat(S[2, 1], S[0, 2], S[1, 0]))
+    derived = casadi.vertcat(casadi.jacobian(p, q), casadi.horzcat(*columns))
+    both = casadi.Function("both", [q], [derived, symbolic_jacobian(chain, q, point=point)])
+    for value in random_state(chain, 3, 5)[0]:
+        automatic, by_rule = (np.array(J) for J in both(value))
+        np.testing.assert_allclose(by_rule, automatic, atol=1e-12, rtol=0)
+        np.testing.assert_allclose(
+            by_rule, geometric(chain, value, point=point), atol=1e-12, rtol=0
+        )
+
+
+def test_matrix_expressions_serve_as_well() -> None:
+    chain = symbolic_random_chain(5, 5)
+    q = casadi.MX.sym("q", chain.n)
+    both = casadi.Function("f", [q], [symbolic_frames(chain, q)[-1], symbolic_jacobian(chain, q)])
+    value = random_state(chain, 4, 1)[0][0]
+    T, J = both(value)
+    last = joint_frames(chain, value)[-1]
+    np.testing.assert_allclose(np.array(T), last, atol=1e-12, rtol=0)
+    np.testing.assert_allclose(np.array(J), geometric(chain, value), atol=1e-12, rtol=0)
+
+
+def test_faults_are_named() -> None:
+    chain = symbolic_random_chain(0, 3)
+    with pytest.raises(InvalidRobotState, match="3 joints"):
+        symbolic_frames(chain, casadi.SX.sym("q", 2))
+    with pytest.raises(InvalidLinkName, match="no link 'nowhere'"):
+        symbolic_jacobian(chain, casadi.SX.sym("q", 3), "nowhere")
+    with pytest.raises(InvalidOption, match="point"):
+        symbolic_jacobian(chain, casadi.SX.sym("q", 3), point=[0.0, np.nan, 0.0])

@@ -1,11 +1,28 @@
-"""Trigonometric polynomials against sympy."""
+"""Trigonometric polynomials, formulas, tables and determinants in symbols against sympy."""
+
+import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 import sympy
 
 from dynamics.equations import polynomial
+from dynamics.equations.formula import Collect, Notation, Writer, formula, numeric_value, real_terms
 from dynamics.equations.polynomial import Polynomial, TooManyTerms, Variables, constant, matrix
+from dynamics.equations.sheet import AXES, write_sheet
+from dynamics.equations.table import SymbolicTable, symbolic_table
+from kinematics.errors import InvalidOption
+from kinematics.model.dh_table import DhRow, DhTable
+from tests.dynamics.equations.tables import (
+    TABLES,
+    articulated_arm,
+    evaluate,
+    parse,
+    state,
+    text_sheet,
+)
 
 V = Variables(("u", "v", "m", "l"), frozenset({"u", "v"}))
 u, v, m, l = sympy.symbols("u v m l")  # noqa: E741
@@ -96,3 +113,216 @@ def test_products_that_take_too_long_are_refused(monkeypatch: pytest.MonkeyPatch
     assert V.symbol("m") * cu
     with pytest.raises(TooManyTerms):
         cu * cv
+
+
+TABLE: SymbolicTable = symbolic_table(articulated_arm())
+FORMULA_V = TABLE.variables
+
+
+def written(value: Polynomial, collect: Collect = Collect.ANGLES) -> str:
+    return Writer(Notation.TEXT).write(formula(TABLE, value, collect))
+
+
+def cos(*joints: int) -> Polynomial:
+    """Cosine of the sum of the angles of some joints, numbered from 1."""
+    return rotation(*joints)[0]
+
+
+def rotation(*joints: int) -> tuple[Polynomial, Polynomial]:
+    c, s = FORMULA_V.rotation(f"q_{joints[0]}")
+    for j in joints[1:]:
+        c_j, s_j = FORMULA_V.rotation(f"q_{j}")
+        c, s = c * c_j - s * s_j, s * c_j + c * s_j
+    return c, s
+
+
+def test_angles_of_parallel_axes_add_and_those_of_others_do_not() -> None:
+    assert TABLE.groups == (0, 1, 1)
+    (c2, s2), (c3, s3) = rotation(2), rotation(3)
+    assert written(c2 * c3 - s2 * s3) == "c_23"
+    assert written(s2 * c3 + c2 * s3) == "s_23"
+    assert written(cos(1) * c2) == "c_1 * c_2"
+    assert written(c2 * c3 + s2 * s3) == "c_2m3"
+
+
+def test_sums_become_products_where_that_is_shorter() -> None:
+    c2, s2 = rotation(2)
+    c23, s23 = rotation(2, 3)
+    assert written(c2 * c2) == "c_2**2"
+    assert written(s2 * s2) == "s_2**2"
+    assert written(c2 * c23) == "c_2 * c_23"
+    assert written(s2 * s23) == "s_2 * s_23"
+    assert written(s2 * c23) == "s_2 * c_23"
+    assert written(c2 * c2 - s2 * s2) == "c_22"
+    assert written(c2 * c2 + s2 * s2) == "1"
+
+
+def test_factors_are_taken_out() -> None:
+    m, a, g = FORMULA_V.symbol("m_2"), FORMULA_V.symbol("a_2"), FORMULA_V.symbol("g")
+    c1, c2 = cos(1), cos(2)
+    assert written(m * a * c2 + m * g, Collect.MASSES) == "m_2 * (a_2 * c_2 + g)"
+    assert written(c1 * (a * c2 + g)) == "c_1 * (g + a_2 * c_2)"
+    assert written(-(a * c2) - g) == "-(g + a_2 * c_2)"
+    assert written(a - a) == "0"
+    assert written(a * 0.5) == "1/2 * a_2"
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_every_form_has_the_same_value(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    factors = [f for j in (1, 2, 3) for f in rotation(j)]
+    factors += [FORMULA_V.symbol(name) for name in ("m_2", "m_3", "a_2", "qd_1", "g")]
+    value = sum(
+        (factors[i] * factors[j] * factors[k] * float(rng.integers(-3, 4))
+         for i, j, k in rng.integers(0, len(factors), (8, 3))),
+        FORMULA_V.symbol("a_3"),
+    )  # fmt: skip
+    numbers = {
+        name: float(x)
+        for name, x in zip(FORMULA_V.names, rng.normal(size=len(FORMULA_V.names)), strict=True)
+    }
+    expected = 0.0
+    for key, coefficient in value.terms.items():
+        term = coefficient
+        for name, power in zip(FORMULA_V.names, FORMULA_V.exponents(key), strict=True):
+            base = np.exp(1j * numbers[name]) if name in FORMULA_V.angles else numbers[name]
+            term *= base**power
+        expected += term.real
+    for collect in Collect:
+        assert numeric_value(formula(TABLE, value, collect), numbers) == pytest.approx(expected)
+    assert len(real_terms(TABLE, value, pair=False)) >= len(real_terms(TABLE, value))
+    assert math.isfinite(expected)
+
+
+def table(*alphas: float, convention: Any = "standard", **changes: Any) -> DhTable:
+    rows = tuple(DhRow("revolute", a=0.3, alpha=alpha, **changes) for alpha in alphas)
+    return DhTable(convention, rows)
+
+
+@pytest.mark.parametrize(
+    ("alphas", "standard", "modified"),
+    [
+        ((0.0, 0.0, 0.0), (0, 0, 0), (0, 0, 0)),
+        ((math.pi, 0.0, 0.5), (0, 0, 0), (0, 0, 1)),
+        ((math.pi / 2, 0.0, 0.0), (0, 1, 1), (0, 0, 0)),
+        ((0.0, 0.5, 0.0), (0, 0, 1), (0, 1, 1)),
+    ],
+)
+def test_angles_of_parallel_axes_are_of_one_group(
+    alphas: tuple[float, ...], standard: tuple[int, ...], modified: tuple[int, ...]
+) -> None:
+    assert symbolic_table(table(*alphas)).groups == standard
+    assert symbolic_table(table(*alphas, convention="modified")).groups == modified
+
+
+def test_a_slightly_turned_axis_is_not_parallel() -> None:
+    assert symbolic_table(table(0.0, 0.0, beta=1e-8)).groups == (0, 1)
+
+
+def test_angles_of_opposite_axes_are_subtracted() -> None:
+    sheet = text_sheet(table(math.pi, 0.0))
+    assert sheet.frame[0][0] == "c_1m2"
+    assert dict(sheet.abbreviations)["c_1m2"] == "cos(q_1 - q_2)"
+
+
+def test_zeros_and_quarter_turns_are_no_symbols() -> None:
+    rows = (
+        DhRow("revolute", a=0.3, alpha=math.pi / 2, d=0.0, theta=-math.pi),
+        DhRow("prismatic", a=1e-14, alpha=0.3, d=0.2, mass=1.0, center_of_mass=[0.0, 0.1, 0.0],
+              inertia=np.diag([0.1, 0.2, 0.3])),
+    )  # fmt: skip
+    symbols = symbolic_table(DhTable("standard", rows))
+    names = [parameter.symbol for parameter in symbols.parameters]
+    assert names == ["a_1", "d_2", "alpha_2", "m_2", "y_c2", "I_xx2", "I_yy2", "I_zz2", "g"]
+
+
+UP = math.pi / 2
+
+
+def arm(*rows: dict[str, Any]) -> DhTable:
+    return DhTable("standard", tuple(DhRow(row.pop("type", "revolute"), **row) for row in rows))
+
+
+def elbow() -> DhTable:
+    return arm({"a": 0.1, "d": 0.4, "alpha": UP}, {"a": 0.5, "d": 0.1}, {"a": 0.35})
+
+
+def skew() -> DhTable:
+    return arm({"d": 0.4, "alpha": 0.4}, {"a": 0.5, "alpha": 0.7}, {"a": 0.35})
+
+
+def spherical() -> DhTable:
+    return arm({"d": 0.3, "alpha": -UP}, {"d": 0.1, "alpha": UP}, {"type": "prismatic"})
+
+
+def scara() -> DhTable:
+    return arm({"a": 0.5, "d": 0.3}, {"a": 0.4, "alpha": math.pi}, {"type": "prismatic"}, {})
+
+
+def wrist() -> DhTable:
+    return arm({"alpha": -UP}, {"alpha": UP}, {"d": 0.1})
+
+
+@pytest.mark.parametrize(
+    ("table", "axes", "expected"),
+    [
+        (TABLES["planar"], "x,y", "l_1 * l_2 * s_2"),
+        (TABLES["planar of three"], "x,y,rz", "l_1 * l_2 * s_2"),
+        (elbow(), "x,y,z", "-a_2 * a_3 * s_3 * (a_1 + a_2 * c_2 + a_3 * c_23)"),
+        (spherical(), "x,y,z", "-s_2 * q_3**2"),
+        (scara(), "x,y,z,rz", "a_1 * a_2 * s_2"),
+        (wrist(), "rx,ry,rz", "-s_2"),
+        (
+            skew(),
+            "x,y,z",
+            "a_2 * a_3 * s_alpha1 * s_3 * (a_3 * c_alpha2 * s_2 * s_3 - c_2 * (a_2 + a_3 * c_3))",
+        ),
+        (wrist(), "x,y,z", "0"),
+    ],
+)
+def test_textbook_arms_have_their_factors(table: DhTable, axes: str, expected: str) -> None:
+    assert write_sheet(table, Notation.TEXT, axes.split(",")).determinant == expected
+
+
+@pytest.mark.parametrize("name", ["planar", "articulated", "cart"])
+def test_the_determinant_is_that_of_sympy(name: str) -> None:
+    table = TABLES[name]
+    axes = AXES[: len(table.rows)]
+    sheet = write_sheet(table, Notation.TEXT, axes)
+    J = sympy.Matrix([[parse(sheet, text) for text in row] for row in sheet.jacobian[: len(axes)]])
+    assert sheet.determinant is not None
+    assert sympy.simplify(parse(sheet, sheet.determinant) - J.det()) == 0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_arms_at_odd_angles_have_the_values_of_numpy(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    kinds = rng.choice(["revolute", "revolute", "prismatic"], 4 - seed % 2)
+    rows = tuple(
+        DhRow(kind, a=rng.uniform(), d=rng.uniform(), alpha=rng.choice([0.0, UP, -UP, 0.3]),
+              theta=rng.choice([0.0, 0.4, UP]))
+        for kind in kinds
+    )  # fmt: skip
+    axes = rng.permutation(AXES)[: len(rows)].tolist()
+    sheet = write_sheet(DhTable("standard", rows), Notation.TEXT, axes)
+    for q in rng.uniform(-2.0, 2.0, (3, len(rows))):
+        J = evaluate(sheet, sheet.jacobian, state(q, q, q))[[AXES.index(axis) for axis in axes]]
+        found = evaluate(sheet, [sheet.determinant], state(q, q, q))[0]
+        assert found == pytest.approx(np.linalg.det(J.astype(float)), abs=1e-12)
+
+
+def test_an_added_angle_is_part_of_the_factor() -> None:
+    table = arm({"a": 0.5, "theta": 0.3}, {"a": 0.4, "theta": 0.2})
+    sheet = write_sheet(table, Notation.LATEX, ["x", "y"])
+    assert (sheet.determinant or "").endswith("s_{2}")
+
+
+def test_long_arms_and_wrong_axes_are_told() -> None:
+    table = TABLES["planar"]
+    for axes in (["x"], ["x", "x"], ["x", "y", "z"], ["x", "up"]):
+        with pytest.raises(InvalidOption, match="as many rows of the Jacobian as there are joints"):
+            write_sheet(table, Notation.TEXT, axes)
+    five = replace(table, rows=tuple(DhRow("revolute", a=0.3) for _ in range(5)))
+    sheet = write_sheet(five, Notation.TEXT, AXES[:5])
+    assert sheet.determinant is None
+    assert "beyond 4 joints" in sheet.notes[0]

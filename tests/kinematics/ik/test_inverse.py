@@ -1,18 +1,30 @@
-"""Choosing a method and the best solution: options, ranking and order."""
+"""Methods, ranking, batches and singular cases of inverse kinematics."""
 
+import itertools
+import threading
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState, NotAvailable
 from kinematics.forward import forward
-from kinematics.ik.closed_form.analytic import parameter
-from kinematics.ik.inverse import METHODS, IkOptions, inverse_kinematics
-from kinematics.ik.ranking import RANKINGS
+from kinematics.ik import batch
+from kinematics.ik.batch import processors, shared
+from kinematics.ik.closed_form.analytic import branches, parameter
+from kinematics.ik.inverse import METHODS, IkOptions, inverse_kinematics, inverse_kinematics_batch
+from kinematics.ik.numeric.numeric import solve
+from kinematics.ik.ranking import RANKINGS, margin, order, outside, whole_turns
+from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain, Limits
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain
-from tests.kinematics.ik.arms import general_arm, random_joints
+from tests.kinematics.ik.arms import apart, general_arm, random_joints
 
 FAR = transform(None, [9.0, 0.0, 0.0])
 
@@ -124,3 +136,390 @@ def test_bad_targets_and_seeds_are_refused_for_every_method() -> None:
         for seed in ([0.0], [np.nan] * 6):
             with pytest.raises(InvalidRobotState):
                 inverse_kinematics(chain, np.eye(4), options, seed_joints=seed)
+
+
+@pytest.mark.parametrize("robot", ["ur5e", "kr6_sixx", "panda", "iiwa14"])
+@pytest.mark.parametrize(
+    "options",
+    [IkOptions(), IkOptions(ranking="limits"), IkOptions(method="analytic")],
+    ids=["auto", "limits", "analytic"],
+)
+def test_closed_forms_answer_as_for_one_pose(robot: str, options: IkOptions) -> None:
+    chain = builtin_chain(robot)
+    # More poses than are tabulated at once.
+    targets = forward(chain, random_joints(chain, 150, 1))
+    near = random_joints(chain, 1, 2)[0]
+    solutions = inverse_kinematics_batch(chain, targets, options, seed_joints=near)
+    for T, solution in zip(targets, solutions, strict=True):
+        assert solution is not None
+        alone = inverse_kinematics(chain, T, options, seed_joints=near).solutions[0]
+        assert np.array_equal(solution.joints, alone.joints)
+        assert solution.branch == alone.branch
+        assert np.abs(forward(chain, solution.joints) - T).max() < 1e-8
+
+
+def test_the_search_answers_what_the_closed_form_does_not() -> None:
+    chain = builtin_chain("scara")
+    lower, upper = chain.limits.lower, chain.limits.upper
+    targets = forward(chain, random_joints(chain, 20, 3))
+    targets[7] = transform(None, [9.0, 0.0, 0.0])
+    options = IkOptions(axes=("x", "y", "z", "rz"))
+    solutions = inverse_kinematics_batch(chain, targets, options)
+    assert solutions[7] is None
+    for k, solution in enumerate(solutions):
+        if k != 7:
+            assert solution is not None
+            assert ((solution.joints >= lower) & (solution.joints <= upper)).all()
+            assert np.abs(forward(chain, solution.joints) - targets[k]).max() < 3e-6
+
+
+def test_a_closed_form_alone_leaves_what_it_cannot_reach() -> None:
+    chain = builtin_chain("ur5e")
+    targets = np.array([forward(chain, np.full(6, 0.7)), transform(None, [9.0, 0.0, 0.0])])
+    solutions = inverse_kinematics_batch(chain, targets, IkOptions(method="analytic"))
+    assert solutions[0] is not None
+    assert solutions[1] is None
+
+
+@pytest.mark.parametrize(
+    "options", [IkOptions(most=2), IkOptions(all_turns=True), IkOptions(outside_limits=True)]
+)
+def test_more_than_one_solution_a_pose_is_refused(options: IkOptions) -> None:
+    with pytest.raises(InvalidOption, match="one solution inside the limits"):
+        inverse_kinematics_batch(builtin_chain("ur5e"), np.eye(4)[None], options)
+
+
+def test_poses_and_seeds_are_checked() -> None:
+    chain = builtin_chain("ur5e")
+    with pytest.raises(InvalidPose):
+        inverse_kinematics_batch(chain, np.full((2, 4, 4), np.nan))
+    with pytest.raises(InvalidRobotState):
+        inverse_kinematics_batch(chain, np.eye(4)[None], seed_joints=[0.0])
+    assert inverse_kinematics_batch(chain, np.empty((0, 4, 4))) == []
+
+
+def slices(count: int, threads: int | None) -> list[tuple[int, int]]:
+    """Begin and end of the parts in order."""
+    parts: list[tuple[int, int]] = []
+    shared(lambda part: parts.append((part.start, part.stop)), count, threads)
+    return sorted(parts)
+
+
+@given(st.integers(0, 3000), st.integers(1, 6))
+def test_the_parts_are_the_whole_range_once(count: int, threads: int) -> None:
+    parts = slices(count, threads)
+    assert parts[0][0] == 0
+    assert parts[-1][1] == count
+    assert all(one[1] == other[0] for one, other in pairwise(parts))
+    sizes = [end - begin for begin, end in parts]
+    assert max(sizes) - min(sizes) <= 1
+    assert len(parts) <= threads
+
+
+def test_the_threads_are_those_of_the_processors_where_none_are_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(batch, "processors", lambda: 3)
+    assert len(slices(10_000, None)) == 3
+    assert len(slices(10_000, 0)) == 3
+
+
+def test_the_parts_run_side_by_side_and_one_in_the_callers_thread() -> None:
+    barrier, names = threading.Barrier(3, timeout=10.0), set()
+
+    def part(_: slice) -> None:
+        barrier.wait()  # nobody passes before all three are here
+        names.add(threading.get_ident())
+
+    shared(part, 300, 3)
+    assert len(names) == 3
+    assert threading.get_ident() in names
+
+
+@pytest.mark.parametrize("failing", [0, 1, 2])
+def test_an_error_of_any_part_reaches_the_caller(failing: int) -> None:
+    def part(some: slice) -> None:
+        if some.start == failing * 100:
+            raise ValueError(f"part {failing}")
+
+    with pytest.raises(ValueError, match=f"part {failing}"):
+        shared(part, 300, 3)
+
+
+def test_processors_are_those_that_this_process_may_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert processors() >= 1
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {4, 7}, raising=False)
+    assert processors() == 2
+    monkeypatch.delattr("os.sched_getaffinity")
+    monkeypatch.setattr("os.cpu_count", lambda: 5)
+    assert processors() == 5
+    monkeypatch.setattr("os.cpu_count", lambda: None)
+    assert processors() == 1
+
+
+def reached(chain: Chain, joints: Array, T: Array) -> bool:
+    return bool(np.abs(forward(chain, joints) - T).max() < 2e-9)
+
+
+@pytest.mark.parametrize("name", ["kr6_sixx", "elbow_wrist", "puma560"])
+def test_straight_wrist(name: str) -> None:
+    chain = builtin_chain(name)
+    lower, upper = chain.sampling_bounds()
+    q = 0.3 * lower + 0.7 * upper
+    q[4] = 0.0
+    seed = q.copy()
+    seed[3] += 0.2
+    T = forward(chain, q)
+    found = branches(chain, T, seed_joints=seed)
+    straight = np.abs(found.joints[:, 4]) < 1e-9
+    mine = straight & (apart(found.joints[:, :3], q[:3]) < 1e-6)
+    # The seed's q4, and q6 such that what is determined stays.
+    assert found.joints[mine][0, 3] == pytest.approx(seed[3])
+    assert reached(chain, found.joints, T)
+
+
+def test_target_on_axis_1() -> None:
+    chain = builtin_chain("elbow_wrist")
+    # Upper arm and forearm upright: the wrist is on axis 1.
+    q = np.array([0.4, np.pi / 2, np.pi / 2, 0.2, 0.7, -0.5])
+    seed = q.copy()
+    seed[0] = -0.9
+    T = forward(chain, q)
+    found = branches(chain, T, seed_joints=seed)
+    assert np.abs(found.joints[:, 0] + 0.9).min() < 1e-9
+    assert reached(chain, found.joints, T)
+
+
+@pytest.mark.parametrize("along_axis_1", [False, True])
+def test_arm_angle_where_it_is_hard_to_tell(along_axis_1: bool) -> None:
+    chain = builtin_chain("iiwa14")
+    q = np.array([0.5, 0.0 if along_axis_1 else 0.4, 0.3, 0.0, -0.6, 0.7, 0.1])
+    T = forward(chain, q)
+    value = parameter(chain, q)
+    found = branches(chain, T, parameters=[value])
+    assert np.isfinite(value)
+    assert len(found.table)
+    assert reached(chain, found.joints, T)
+
+
+@pytest.mark.parametrize("side", ["lower", "upper"])
+def test_a_joint_missed_by_rounding_is_put_onto_its_limit(side: str) -> None:
+    # At a fold rounding of 1e-16 is 1e-8 of the elbow, to either side of the limit.
+    nominal = builtin_chain("ur5e")
+    bound = getattr(nominal.limits, side).copy()
+    bound[2] = 0.0
+    chain = replace(nominal, limits=replace(nominal.limits, **{side: bound}))
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        q = rng.uniform(-2.0, 2.0, 6)
+        q[2] = 0.0
+        T = forward(chain, q)
+        found = branches(chain, T, seed_joints=q)
+        mine = found.within_limits & (apart(found.joints, q) < 1e-5)
+        assert mine.any()
+        assert (found.joints[mine] >= chain.limits.lower).all()
+        assert (found.joints[mine] <= chain.limits.upper).all()
+        assert reached(chain, found.joints[mine], T)
+
+
+def test_continuous_joints_turn_nearest_to_the_seed() -> None:
+    nominal = builtin_chain("ur5e")
+    free = np.full(6, np.inf)
+    chain = replace(
+        nominal,
+        limits=replace(nominal.limits, lower=-free, upper=free),
+        continuous=np.ones(6, dtype=np.bool_),
+    )
+    q = np.array([0.3, -1.0, 1.4, -0.7, -1.3, 0.2])
+    T = forward(chain, q)
+    seed = q + 4.0 * np.pi
+    best = inverse_kinematics(chain, T, seed_joints=seed).solutions[0]
+    np.testing.assert_allclose(best.joints, seed, atol=1e-6)
+    turned = inverse_kinematics(
+        chain, T, IkOptions(most=1000, all_turns=True), seed_joints=q
+    ).solutions
+    own = [s.joints for s in turned if apart(s.joints, q) < 1e-6]
+    assert {float(round((j[0] - q[0]) / (2.0 * np.pi))) for j in own} == {-1.0, 0.0, 1.0}
+
+
+def test_singular_start_of_the_numeric_method() -> None:
+    chain = builtin_chain("kr6_sixx")
+    T = forward(chain, np.clip([0.3, -1.2, 1.1, 0.4, 0.8, 0.2], *chain.sampling_bounds()))
+    found = solve(chain, T, seed_joints=np.clip(np.zeros(6), *chain.sampling_bounds()))
+    assert np.abs(forward(chain, found.solutions[0].joints) - T).max() < 3e-6
+
+
+def test_whole_turns_are_all_there_are() -> None:
+    rng = np.random.default_rng(0)
+    for name in ("ur5e", "kr6_sixx", "puma560", "scara", "stanford"):
+        chain = builtin_chain(name)
+        lower, upper = chain.limits.lower, chain.limits.upper
+        for _ in range(20):
+            q = rng.uniform(lower, upper)
+            turning = chain.joint_types == 0
+            turns = np.array(list(itertools.product((-2, -1, 0, 1, 2), repeat=chain.n)))
+            copies = q + 2 * np.pi * turns * turning
+            inside = ((copies >= lower) & (copies <= upper)).all(axis=1)
+            expected = {tuple(row) for row in np.round(copies[inside], 9)}
+            found = whole_turns(chain, q, 10_000)
+            assert {tuple(np.round(row, 9)) for row in found} == expected
+            assert len(found) == len(expected)
+            distances = np.linalg.norm(found - q, axis=1)
+            assert (np.diff(distances) >= -1e-12).all()
+            np.testing.assert_array_equal(found[0], q)
+            few = whole_turns(chain, q, 3)
+            np.testing.assert_allclose(
+                np.linalg.norm(few - q, axis=1), distances[: len(few)], atol=1e-12
+            )
+
+
+def test_whole_turns_outside_and_without_limits() -> None:
+    chain = builtin_chain("planar_rr")
+    assert len(whole_turns(chain, np.array([0.0, 3.0]), 10)) == 0
+    pendulum = builtin_chain("cart_pendulum")
+    assert len(whole_turns(pendulum, np.array([0.0, 1.0]), 10)) == 3
+    assert len(whole_turns(pendulum, np.array([2.0, 1.0]), 10)) == 0
+
+
+def test_orders_by_their_definitions() -> None:
+    chain = builtin_chain("ur5e")
+    seed = np.array([0.3, -1.0, 1.4, -0.7, -1.3, 0.2])
+    joints = branches(chain, forward(chain, seed)).joints
+    ranked = joints[order(chain, joints, "nearest", seed)]
+    assert (np.diff(np.linalg.norm(ranked - seed, axis=1)) >= -1e-9).all()
+    ranked = joints[order(chain, joints, "limits", seed)]
+    assert (np.diff(margin(chain, ranked)) >= -1e-9).all()
+    ranked = joints[order(chain, joints, "manipulability", seed)]
+    volumes = np.sqrt([np.linalg.det(J @ J.T) for J in geometric(chain, ranked)])
+    assert (np.diff(volumes) <= 1e-9).all()
+    with pytest.raises(InvalidOption, match="best"):
+        order(chain, joints, "best", seed)  # type: ignore[arg-type]
+    assert "elbow" in str(outside(chain, np.array([0.0, 0.0, 4.0, 0.0, 0.0, 0.0])))
+    assert outside(chain, np.zeros(6)) is None
+    assert margin(builtin_chain("cart_pendulum"), np.array([[1.5, 9.0]])) == pytest.approx(1.0)
+
+
+def test_all_solutions_with_whole_turns() -> None:
+    chain = builtin_chain("ur5e")
+    q = np.array([0.3, -1.0, 1.4, -0.7, -1.3, 0.2])
+    T = forward(chain, q)
+    eight = inverse_kinematics(chain, T, IkOptions(most=100)).solutions
+    assert len(eight) == 8
+    many = inverse_kinematics(
+        chain, T, IkOptions(most=1000, all_turns=True), seed_joints=q
+    ).solutions
+    # Two whole turns of each joint but the elbow, which turns once.
+    assert len(many) == 8 * 2**5
+    assert len({tuple(np.round(s.joints, 6)) for s in many}) == len(many)
+    assert np.abs(forward(chain, np.array([s.joints for s in many])) - T).max() < 1e-9
+    distances = [np.linalg.norm(s.joints - q) for s in many]
+    # Turns that are as far either way are equal but for rounding.
+    assert np.diff(distances).min() >= -1e-12
+    np.testing.assert_allclose(many[0].joints, q, atol=1e-9)
+
+
+def test_solutions_outside_limits_come_last_and_say_so() -> None:
+    chain = builtin_chain("puma560")
+    q = np.array([2.7, -3.8, 3.8, 2.9, 1.7, -4.6])
+    T = forward(chain, q)
+    inside = inverse_kinematics(chain, T, IkOptions(most=100)).solutions
+    every = inverse_kinematics(chain, T, IkOptions(most=100, outside_limits=True)).solutions
+    assert len(every) == 8
+    flags = [s.within_limits for s in every]
+    assert flags == sorted(flags, reverse=True)
+    assert sum(flags) == len(inside) < 8
+    assert all(outside(chain, s.joints) is not None for s in every if not s.within_limits)
+    assert len({s.branch for s in every}) == 8
+
+
+@pytest.mark.parametrize("name", ["panda", "iiwa14"])
+def test_redundant_arms_by_parameter_by_seed_and_all_around(name: str) -> None:
+    chain = builtin_chain(name)
+    rng = np.random.default_rng(2)
+    lower, upper = chain.sampling_bounds()
+    for _ in range(30):
+        q = rng.uniform(lower, upper)
+        T = forward(chain, q)
+        near = inverse_kinematics(chain, T, seed_joints=q).solutions[0]
+        np.testing.assert_allclose(near.joints, q, atol=1e-6)
+        assert near.branch is not None
+        analytic = inverse_kinematics(chain, T, IkOptions(method="analytic")).solutions
+        assert analytic
+        assert analytic[0].within_limits
+        assert np.abs(forward(chain, analytic[0].joints) - T).max() < 2e-9
+    many = inverse_kinematics(chain, T, IkOptions(most=500)).solutions
+    assert len(many) > 8
+    assert len({s.branch for s in many}) == len(many)
+    for solution in many:
+        assert apart(forward(chain, solution.joints).ravel(), T.ravel()) < 2e-9
+
+
+def test_methods_and_their_refusals() -> None:
+    chain = builtin_chain("scara")
+    T = forward(chain, np.array([0.3, 0.5, 0.1, 0.2]))
+    with pytest.raises(NotAvailable):
+        inverse_kinematics(builtin_chain("cart_pendulum"), T, IkOptions(method="analytic"))
+    with pytest.raises(InvalidOption, match="magic"):
+        IkOptions(method="magic")  # type: ignore[arg-type]
+    with pytest.raises(InvalidOption, match="ranking 'best'"):
+        IkOptions(ranking="best")  # type: ignore[arg-type]
+    with pytest.raises(InvalidOption, match="axes"):
+        IkOptions(method="analytic", axes=["x"])
+    with pytest.raises(InvalidOption, match="most"):
+        IkOptions(most=0)
+    with pytest.raises(InvalidRobotState):
+        inverse_kinematics(chain, T, seed_joints=[0.0])
+    far = inverse_kinematics(builtin_chain("ur5e"), transform(None, [3.0, 0.0, 0.0]))
+    assert not far.solutions
+    assert "reach" in far.advice
+    ur5e = builtin_chain("ur5e")
+    T = forward(ur5e, [0.3, -1.0, 1.4, -0.7, -1.3, 0.2])
+    numeric = inverse_kinematics(ur5e, T, IkOptions(method="numeric"))
+    assert numeric.solutions[0].branch is None
+
+
+def test_a_joint_that_cannot_move_is_as_far_from_its_limits_as_it_will_be() -> None:
+    chain = builtin_chain("ur5e")
+    lower, upper = chain.limits.lower.copy(), chain.limits.upper.copy()
+    lower[1] = upper[1] = 0.3
+    lower[4], upper[4] = -np.inf, np.inf
+    fixed = replace(chain, limits=replace(chain.limits, lower=lower, upper=upper))
+    joints = np.tile(0.5 * (chain.limits.lower + chain.limits.upper), (3, 1))
+    joints[:, 1] = 0.3
+    joints[1, 4] = 100.0
+    joints[2, 0] = chain.limits.upper[0]
+    np.testing.assert_allclose(margin(fixed, joints), [0.0, 0.0, 1.0], atol=1e-12)
+    unlimited = replace(chain, limits=Limits.unlimited(6))
+    assert margin(unlimited, joints).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_costs_that_differ_by_rounding_keep_their_order() -> None:
+    chain = builtin_chain("ur5e")
+    seed = np.zeros(6)
+    joints = np.array([np.full(6, 1.0 + 1e-15), np.full(6, 1.0), np.full(6, 0.5)])
+    assert order(chain, joints, "nearest", seed).tolist() == [2, 0, 1]
+
+
+def test_what_is_outside_a_limit_is_named_with_the_limit() -> None:
+    chain = builtin_chain("ur5e")
+    lower, upper = chain.limits.lower, chain.limits.upper
+    assert outside(chain, lower) is None
+    assert outside(chain, upper) is None
+    for values, side in ((lower, -1.0), (upper, 1.0)):
+        for j in range(6):
+            q = 0.5 * (lower + upper)
+            q[j] = values[j] + side * 1e-3
+            said = outside(chain, q)
+            assert said is not None
+            assert repr(chain.joint_names[j]) in said
+
+
+def test_a_slide_has_no_whole_turns() -> None:
+    chain = builtin_chain("scara")
+    slide = int(np.flatnonzero(chain.joint_types == 1)[0])
+    q = 0.5 * (chain.limits.lower + chain.limits.upper)
+    copies = whole_turns(chain, q, 100)
+    assert len(copies) >= 1
+    assert (copies[:, slide] == q[slide]).all()
+    q[slide] = chain.limits.upper[slide] + 1e-3
+    assert len(whole_turns(chain, q, 100)) == 0

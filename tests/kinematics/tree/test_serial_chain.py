@@ -1,6 +1,9 @@
-"""Chains cut out of trees: which joints, which frames, which limits."""
+"""Chains cut out of trees: which joints, frames, limits and tips."""
 
 import math
+import pickle
+from dataclasses import FrozenInstanceError, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,7 +11,12 @@ import pytest
 from kinematics.errors import InvalidRobotDescription
 from kinematics.forward import forward, link_poses
 from kinematics.model.chain import MAX_JOINTS, JointType
-from kinematics.tree.description import RobotDescription
+from kinematics.tree.chain_ends import likely_tip
+from kinematics.tree.description import (
+    JOINT_TYPES,
+    Mimic,
+    RobotDescription,
+)
 from kinematics.tree.serial_chain import select, serial_chain
 from kinematics.tree.srdf import Semantics
 from kinematics.urdf.urdf import parse_urdf
@@ -291,3 +299,140 @@ def test_wrong_held(tree: RobotDescription, held: dict[str, float], words: list[
 @pytest.mark.parametrize("end", [0.2, 1.0])
 def test_a_joint_may_be_held_at_its_limit(tree: RobotDescription, end: float) -> None:
     assert select(tree, tip_link="hand", held={"mast_joint": end}).held["mast_joint"] == end
+
+
+def chain_ends_tree(*joints: tuple[str, str, str]) -> RobotDescription:
+    """A robot of joints (type, parent, child)."""
+    names = dict.fromkeys(name for _, *ends in joints for name in ends)
+    links = "".join(f'<link name="{name}"/>' for name in names)
+    text = "".join(
+        f'<joint name="to_{child}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+        for kind, parent, child in joints
+    )
+    return parse_urdf(f'<robot name="r">{links}{text}</robot>')
+
+
+def chain(start: str, prefix: str, count: int) -> list[tuple[str, str, str]]:
+    """So many revolute joints in a row, below a link."""
+    names = [start, *(f"{prefix}{i}" for i in range(1, count + 1))]
+    return [("revolute", *pair) for pair in pairwise(names)]
+
+
+CHAIN_ENDS_ARM = chain("base", "a", 6)
+
+
+@pytest.mark.parametrize(
+    ("more", "tip"),
+    [
+        ([("fixed", "a6", "wrist_camera_link"), ("fixed", "a6", "tool0")], "tool0"),
+        ([("fixed", "a6", "tool0"), ("fixed", "tool0", "camera_optical_frame")], "tool0"),
+        ([("fixed", "a6", "flange"), ("fixed", "flange", "hand_tcp")], "hand_tcp"),
+        ([("fixed", "a6", "ee_link"), ("fixed", "a6", "mount")], "ee_link"),
+        ([("fixed", "a6", "camera_link"), ("fixed", "a3", "label")], "a6"),
+        ([("revolute", "a6", "left_finger"), ("revolute", "a6", "right_finger")], "a6"),
+        (
+            [
+                ("fixed", "a6", "palm"),
+                ("revolute", "palm", "left_finger"),
+                ("revolute", "palm", "right_finger"),
+                ("fixed", "palm", "grasp_frame"),
+            ],
+            "grasp_frame",
+        ),
+        ([("revolute", "base", "wheel_1"), ("revolute", "base", "wheel_2")], "a6"),
+        ([("revolute", "base", "pan"), ("revolute", "pan", "tilt")], "a6"),
+    ],
+)
+def test_tip_of_one_arm(more: list[tuple[str, str, str]], tip: str) -> None:
+    choice = likely_tip(chain_ends_tree(*CHAIN_ENDS_ARM, *more), "base")
+    assert choice.tip == tip
+    assert choice.candidates[0] == tip
+
+
+def test_two_arms_are_not_clear() -> None:
+    both = [*chain("base", "l", 6), *chain("base", "r", 6), ("fixed", "base", "camera")]
+    tools = [("fixed", "l6", "l_tool"), ("fixed", "r6", "r_tool"), ("fixed", "l6", "l_lens")]
+    choice = likely_tip(chain_ends_tree(*both, *tools), "base")
+    assert choice.tip is None
+    assert choice.candidates == ("l_tool", "r_tool", "l_lens", "camera")
+    assert likely_tip(chain_ends_tree(*both, *tools), "l1").tip == "l_tool"
+
+
+def test_arm_on_a_torso_beats_the_head() -> None:
+    torso = [("prismatic", "base", "torso"), *chain("torso", "a", 7), *chain("torso", "head", 2)]
+    assert likely_tip(chain_ends_tree(*torso), "base").tip == "a7"
+
+
+@pytest.mark.parametrize(("kind", "tip"), [("prismatic", "tool0"), ("revolute", "left")])
+def test_jaws_end_short_arms_too(kind: str, tip: str) -> None:
+    # A turning link and a rod that turns with it may be the last joint of a palletiser.
+    description = chain_ends_tree(
+        *chain("base", "a", 3),
+        ("fixed", "a3", "tool0"),
+        (kind, "a3", "left"),
+        (kind, "a3", "right"),
+    )
+    joints = dict(description.joints)
+    joints["to_right"] = replace(joints["to_right"], mimic=Mimic("to_left"))
+    assert likely_tip(replace(description, joints=joints), "base").tip == tip
+
+
+def test_children_come_in_the_order_of_the_file(tree: RobotDescription) -> None:
+    assert [joint.name for joint in tree.children("carriage")] == ["mast_joint", "shoulder"]
+    assert [joint.name for joint in tree.children("hand")] == [
+        "left_finger_joint",
+        "right_finger_joint",
+    ]
+    assert tree.children("mast") == ()
+    assert tree.children("nowhere") == ()
+
+
+def test_every_link_but_the_root_hangs_on_one_joint(tree: RobotDescription) -> None:
+    assert tree.parent_joint(tree.root) is None
+    for name in tree.links:
+        joint = tree.parent_joint(name)
+        if name == tree.root:
+            continue
+        assert joint is not None
+        assert joint.child == name
+        assert joint in tree.children(joint.parent)
+
+
+@pytest.mark.parametrize("kind", JOINT_TYPES)
+def test_only_joints_of_one_degree_of_freedom_move(kind: str) -> None:
+    joint = parse_urdf(arm(type=kind)).joints["swing"]
+    assert joint.moves == (kind in {"revolute", "continuous", "prismatic"})
+
+
+def test_maps_and_arrays_cannot_be_changed(tree: RobotDescription) -> None:
+    with pytest.raises(TypeError):
+        del tree.joints["slide"]  # type: ignore[attr-defined]
+    with pytest.raises(FrozenInstanceError):
+        tree.root = "hand"  # type: ignore[misc]
+    with pytest.raises(ValueError, match="read-only"):
+        tree.joints["slide"].T_parent_joint[0, 3] = 1.0
+    solid = tree.links["carriage"].collisions[0]
+    with pytest.raises(ValueError, match="read-only"):
+        solid.T_link_element[0, 3] = 1.0
+
+
+def test_pickling_keeps_every_field(tree: RobotDescription) -> None:
+    copy = pickle.loads(pickle.dumps(tree))
+    assert (copy.name, copy.root, copy.lint) == (tree.name, tree.root, tree.lint)
+    for name, joint in tree.joints.items():
+        other = copy.joints[name]
+        assert (other.type, other.parent, other.child, other.mimic) == (
+            joint.type,
+            joint.parent,
+            joint.child,
+            joint.mimic,
+        )
+        np.testing.assert_array_equal(other.T_parent_joint, joint.T_parent_joint)
+        np.testing.assert_array_equal(
+            [other.lower, other.upper, other.velocity], [joint.lower, joint.upper, joint.velocity]
+        )
+    for name, link in tree.links.items():
+        assert [c.geometry for c in copy.links[name].collisions] == [
+            c.geometry for c in link.collisions
+        ]

@@ -1,12 +1,14 @@
-"""What the URDF reader takes, what it refuses, and what it says about either."""
+"""What the URDF reader takes and refuses, and looks of links beside what pinocchio reads."""
 
 import contextlib
 import math
 import random
 import re
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
+import pinocchio
 import pinocchio as pin
 import pytest
 
@@ -17,10 +19,12 @@ from kinematics.tree.description import (
     CylinderGeometry,
     MeshGeometry,
     Mimic,
+    RobotDescription,
     SphereGeometry,
 )
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import MAX_LINKS, parse_urdf
+from kinematics.urdf.visuals import read_visuals, with_visual_solids
 from tests.kinematics.samples import TREE, Sample, arm, random_rotation, real_robots
 
 TWO = (
@@ -249,3 +253,102 @@ def test_limits_of_a_continuous_joint_are_told_to_be_unused(limits: str, told: b
     )
     assert (parsed.joints["j"].lower, parsed.joints["j"].upper) == (-np.inf, np.inf)
     assert any("'j' is continuous" in line for line in parsed.lint) == told
+
+
+BOX = '<geometry><box size="1 2 3"/></geometry>'
+URDF = f"""<robot name="arm">
+  <link name="base"><visual><origin xyz="0 0 0.5"/>{BOX}</visual>
+    <visual><geometry><mesh filename="base.dae" scale="2 2 2"/></geometry></visual></link>
+  <link name="solid"><visual>{BOX}</visual>
+    <collision><geometry><sphere radius="1"/></geometry></collision></link>
+  <link name="odd"><visual>{BOX}</visual><visual><geometry/></visual></link>
+  <link name="frame"/>
+  <joint name="a" type="fixed"><parent link="base"/><child link="solid"/></joint>
+  <joint name="b" type="fixed"><parent link="base"/><child link="odd"/></joint>
+  <joint name="c" type="fixed"><parent link="base"/><child link="frame"/></joint>
+</robot>"""
+
+
+def seen() -> RobotDescription:
+    return with_visual_solids(parse_urdf(URDF), read_visuals(URDF))
+
+
+def test_links_without_solids_are_given_what_they_look_like() -> None:
+    links = seen().links
+    box, mesh = links["base"].collisions
+    assert box.geometry == BoxGeometry((1.0, 2.0, 3.0))
+    np.testing.assert_array_equal(box.T_link_element[:3, 3], [0.0, 0.0, 0.5])
+    assert mesh.geometry == MeshGeometry("base.dae", (2.0, 2.0, 2.0))
+    (ball,) = links["solid"].collisions
+    assert ball.geometry == SphereGeometry(1.0)
+
+
+def test_half_a_link_is_no_solid() -> None:
+    assert seen().links["odd"].collisions == ()
+
+
+def test_what_was_done_is_told() -> None:
+    lint = "\n".join(seen().lint)
+    assert "links collide as they look, as visual_solids asks: 'base'" in lint
+    assert "'base' has no collision geometry" not in lint
+    assert "it gives link 'odd' no solids" in lint
+    assert "link 'odd' has no collision geometry" in lint
+    assert "link 'frame' has no collision geometry" in lint
+
+
+VISUALS_URDF = """<robot name="seen">
+  <material name="blue"><color rgba="0 0 1 0.5"/></material>
+  <link name="base">
+    <visual><origin xyz="0.1 0.2 0.3" rpy="0.1 -0.2 0.3"/><geometry><box size="1 2 3"/></geometry>
+      <material name="blue"/></visual>
+    <visual><geometry><sphere radius="0.5"/></geometry>
+      <material name="red"><color rgba="1 0 0 1"/></material></visual>
+    {more}
+  </link>
+  <link name="arm"><visual><geometry><cylinder radius="0.1" length="2"/></geometry>
+    <material name="red"/></visual></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+</robot>"""
+
+
+def test_places_and_colours_are_those_of_pinocchio(tmp_path: Path) -> None:
+    file = tmp_path / "seen.urdf"
+    file.write_text(VISUALS_URDF.format(more=""))
+    model = pinocchio.buildModelFromUrdf(str(file))
+    theirs = pinocchio.buildGeomFromUrdf(model, str(file), pinocchio.GeometryType.VISUAL)
+    found = read_visuals(file.read_text())
+    ours = [item for link in ("base", "arm") for item in found.links[link]]
+    assert not found.faults
+    assert len(ours) == len(theirs.geometryObjects)
+    for item, other in zip(ours, theirs.geometryObjects, strict=True):
+        np.testing.assert_allclose(item.T_link_element, other.placement.homogeneous, atol=1e-12)
+        assert item.color is not None
+        np.testing.assert_allclose(item.color, other.meshColor, atol=1e-12)
+    assert ours[0].geometry == BoxGeometry((1.0, 2.0, 3.0))
+
+
+@pytest.mark.parametrize(("visual", "words"), [
+    ("<visual/>", "must have one geometry"),
+    ("<visual><geometry><torus/></geometry></visual>", "torus"),
+    ("<visual><geometry><sphere radius='wide'/></geometry></visual>", "wide"),
+    ("<visual><origin xyz='1 2'/><geometry><sphere radius='1'/></geometry></visual>", "xyz"),
+])  # fmt: skip
+def test_what_can_not_be_read_is_told(visual: str, words: str) -> None:
+    found = read_visuals(VISUALS_URDF.format(more=visual))
+    assert words in found.faults["base"]
+    assert set(found.links) == {"base", "arm"}
+
+
+@pytest.mark.parametrize(("rgba", "expected"), [
+    ("2 -1 0.5 1", (1.0, 0.0, 0.5, 1.0)),
+    ("0.25 0.5 0.75", (0.25, 0.5, 0.75, 1.0)),
+    ("red", None),
+    ("1 1 x 1", None),
+])  # fmt: skip
+def test_colours_that_are_odd(rgba: str, expected: tuple[float, ...] | None) -> None:
+    mesh = f"""<visual><geometry><mesh filename="a.stl"/></geometry>
+      <material name="odd"><color rgba="{rgba}"/></material></visual>"""
+    last = read_visuals(VISUALS_URDF.format(more=mesh)).links["base"][-1]
+    assert last.color == expected
+    assert last.geometry == MeshGeometry("a.stl")

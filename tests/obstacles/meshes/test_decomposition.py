@@ -1,5 +1,7 @@
-"""Convex pieces of meshes: they cover the mesh, and not much more."""
+"""Convex pieces of meshes: they cover the mesh, and little more."""
 
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -7,12 +9,21 @@ import pytest
 import trimesh
 from scipy.optimize import nnls
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from obstacles.convex.hull import convex_hull
+from obstacles.convex.triangles import Triangles
 from obstacles.kept_files import keep_files_in, written_files
 from obstacles.meshes import decomposition
-from obstacles.meshes.convex_cover import ConvexPart
+from obstacles.meshes.convex_cover import ConvexPart, cut_bodies
 from obstacles.meshes.decomposition import convex_pieces, overhang
+from obstacles.meshes.plane_cut import (
+    Surface,
+    cheapest_cut,
+    cut_surface,
+    triangle_areas,
+)
+from obstacles.robots.visual_geometry import thin_out
+from tests.obstacles.arms import cup, in_cup
 from tests.obstacles.bodies import hollow_box
 
 
@@ -212,3 +223,222 @@ def test_overhang_is_what_the_hull_has_too_much() -> None:
     box = trimesh.creation.box([1.0, 1.0, 1.0])
     vertices, faces = np.array(box.vertices), np.array(box.faces, dtype=np.int64)
     assert overhang(convex_hull(vertices), vertices, faces) < 1e-12
+
+
+RING = trimesh.creation.annulus(0.5, 1.0, 0.4, sections=16)
+
+
+def parts_of(*bodies: trimesh.Trimesh, filled: bool = True) -> list[ConvexPart]:
+    whole = trimesh.util.concatenate(bodies)
+    starts = np.cumsum([0, *(len(body.vertices) for body in bodies)])
+    faces = [np.array(body.faces) + first for body, first in zip(bodies, starts, strict=False)]
+    return cut_bodies(np.array(whole.vertices), faces, float(whole.scale), filled)
+
+
+@cache
+def cup_parts() -> list[ConvexPart]:
+    return parts_of(cup())
+
+
+def heights(part: ConvexPart, points: Array) -> Array:
+    """How far points (m, 3) are beyond a part, by the highest of its planes [m], at most."""
+    planes = convex_hull(part.vertices).planes
+    outside = (points @ planes[:, :3].T - planes[:, 3]).max(axis=1)
+    return np.asarray(outside - part.offset_radius)
+
+
+def within(points: Array, body: trimesh.Trimesh) -> int:
+    """How many of the points are in the box around a body."""
+    low, high = body.bounds[0] - 1e-12, body.bounds[1] + 1e-12
+    return int(((low <= points) & (points <= high)).all(axis=1).sum())
+
+
+def covered(parts: list[ConvexPart], points: Array) -> Array:
+    return np.asarray(np.min([heights(part, points) for part in parts], axis=0) <= 1e-9)
+
+
+def total(parts: list[ConvexPart]) -> float:
+    return sum(convex_hull(part.vertices).volume for part in parts)
+
+
+@cache
+def ring_parts() -> list[ConvexPart]:
+    return parts_of(RING)
+
+
+@pytest.mark.parametrize(("mesh", "parts"), [(cup(), cup_parts), (RING, ring_parts)])
+def test_parts_hold_their_triangles_and_together_all_of_the_surface(
+    mesh: trimesh.Trimesh, parts: Callable[[], list[ConvexPart]]
+) -> None:
+    assert 2 <= len(parts()) <= 12
+    area = sum(triangle_areas(part.triangles).sum() for part in parts())
+    assert area == pytest.approx(mesh.area, rel=1e-6)
+    for part in parts():
+        assert heights(part, part.triangles.reshape(-1, 3)).max() <= 1e-9
+        assert part.filled
+
+
+def test_the_solid_is_covered_and_the_hollow_is_not() -> None:
+    parts = cup_parts()
+    points = np.random.default_rng(1).uniform(-0.2, 0.2, (3000, 3))
+    solid = in_cup(points)
+    assert covered(parts, points[solid]).all()
+    # Cuts are tried at twelve places a side, not at the walls themselves.
+    assert covered(parts, points[~solid]).mean() < 0.15
+    assert total(parts) < 1.2 * cup().volume
+
+
+def test_a_ring_is_cut_although_no_single_cut_helps() -> None:
+    parts = ring_parts()
+    assert len(parts) > 2
+    assert total(parts) < 0.8 * convex_hull(RING.vertices).volume
+    assert not covered(parts, np.zeros((1, 3))).any()
+
+
+def test_every_body_of_a_part_has_an_anchor_on_it() -> None:
+    small = [
+        trimesh.creation.box(bounds=[[0.01 * k, 0.0, 0.0], [0.01 * k + 0.009, 1.0, 1.0]])
+        for k in range(4)
+    ]
+    for part in parts_of(*small):
+        anchored = [within(part.anchors, body) for body in small]
+        there = [within(part.triangles.reshape(-1, 3), body) for body in small]
+        assert [count > 0 for count in anchored] == [count > 0 for count in there]
+        assert max(anchored) == 1
+
+
+def test_a_hull_of_many_corners_is_thinned_and_grown_to_hold_them_all() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    (part,) = parts_of(ball)
+    assert len(ball.vertices) > 128 + 8
+    # It gets eight corners at once until it has 128.
+    assert len(part.vertices) < 128 + 8
+    assert part.offset_radius > 0.0
+    assert heights(part, np.array(ball.vertices)).max() <= 1e-9
+    assert part.offset_radius < 0.06
+
+
+def test_an_open_surface_is_covered_without_what_is_in_it() -> None:
+    parts = parts_of(cup(), filled=False)
+    assert not any(part.filled for part in parts)
+    corners = np.array(cup().triangles).reshape(-1, 3)
+    assert covered(parts, corners).all()
+
+
+#: An L of two bars, 3 x 1 and 1 x 3, 1 thick: its corner is at the origin.
+L_SHAPE = trimesh.util.concatenate(
+    [
+        trimesh.creation.box(bounds=[[0, 0, 0], [3, 1, 1]]),
+        trimesh.creation.box(bounds=[[0, 1, 0], [1, 3, 1]]),
+    ]
+)
+
+
+def triangles_of(mesh: trimesh.Trimesh) -> Array:
+    return np.array(mesh.triangles)
+
+
+def surface_of(triangles: Array, names: Indices | None = None) -> Surface:
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    names = np.zeros(len(triangles), dtype=np.int64) if names is None else names
+    return Surface(triangles.reshape(-1, 3), faces, names)
+
+
+def cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
+    below, above = cut_surface(surface_of(triangles), axis, at)
+    return below.vertices[below.faces], above.vertices[above.faces]
+
+
+def left(triangles: Array, axis: int, at: float) -> float:
+    """Volume of the hulls of both sides of a cut [m^3], by definition."""
+    return sum(convex_hull(side.reshape(-1, 3)).volume for side in cut(triangles, axis, at))
+
+
+def normals(triangles: Array) -> Array:
+    n = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_both_sides_have_the_area_and_stay_on_their_side(axis: int) -> None:
+    random = np.random.default_rng(2)
+    triangles = random.normal(size=(80, 3, 3))
+    for at in random.uniform(-1.0, 1.0, 5):
+        below, above = cut(triangles, axis, at)
+        assert below[:, :, axis].max() <= at
+        assert above[:, :, axis].min() >= at
+        both = triangle_areas(below).sum() + triangle_areas(above).sum()
+        assert both == pytest.approx(triangle_areas(triangles).sum())
+        assert (triangle_areas(np.vstack([below, above])) > 0.0).all()
+
+
+def test_parts_lie_in_the_triangle_they_come_from_and_face_as_it_does() -> None:
+    random = np.random.default_rng(3)
+    for triangle in random.normal(size=(60, 1, 3, 3)):
+        at = float(random.uniform(triangle[..., 1].min(), triangle[..., 1].max()))
+        parts = np.vstack(cut(triangle, 1, at))
+        assert 2 <= len(parts) <= 3
+        np.testing.assert_allclose(
+            normals(parts), np.tile(normals(triangle), (len(parts), 1)), atol=1e-6
+        )
+        weights = np.linalg.lstsq(
+            np.vstack([triangle[0].T, np.ones(3)]),
+            np.vstack([parts.reshape(-1, 3).T, np.ones(3 * len(parts))]), rcond=None,
+        )[0]  # fmt: skip
+        assert weights.min() >= -1e-9
+
+
+def test_every_part_keeps_the_name_of_its_body() -> None:
+    random = np.random.default_rng(4)
+    triangles = random.normal(size=(40, 3, 3)) + 10.0 * np.arange(40)[:, None, None] * [0, 1, 0]
+    names = np.arange(40)
+    for side in cut_surface(surface_of(triangles, names), 0, 0.0):
+        corners = side.vertices[side.faces[:, 0]]
+        assert len(corners) == len(side.names)
+        # Bodies stand ten metres apart along y.
+        np.testing.assert_array_equal(np.round(corners[:, 1] / 10.0).clip(0, 39) - side.names, 0)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_cheapest_cut_is_the_cheapest_of_all_places(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    for mesh in (
+        cup(),
+        L_SHAPE,
+        trimesh.creation.torus(1.0, 0.3, major_sections=16, minor_sections=8),
+    ):
+        turn = trimesh.transformations.random_rotation_matrix(random.random(3))
+        triangles = triangles_of(mesh.copy().apply_transform(turn))
+        points = triangles.reshape(-1, 3)
+        axis, at, saved = cheapest_cut(points, np.arange(len(points)).reshape(-1, 3))
+        places = np.linspace(points.min(axis=0), points.max(axis=0), 14)[1:-1]
+        each = [left(triangles, k, place) for k in range(3) for place in places[:, k]]
+        whole = convex_hull(points).volume
+        # Hulls of many points are looked at from 206 sides only: nearly the volume.
+        assert saved == pytest.approx(whole - min(each), abs=0.01 * whole)
+        assert left(triangles, axis, at) == pytest.approx(min(each), abs=0.01 * whole)
+
+
+@pytest.mark.parametrize("most", [400, 2_000])
+def test_a_ball_stays_round(most: int) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.5)
+    coarse = thin_out(Triangles(np.array(ball.vertices), np.array(ball.faces)), most)
+    assert most / 4 < len(coarse.faces) <= most
+    side = np.linalg.norm(np.ptp(coarse.vertices[coarse.faces], axis=1), axis=1).max()
+    distances = np.abs(np.linalg.norm(coarse.vertices, axis=1) - 0.5)
+    assert distances.max() < side
+    made = trimesh.Trimesh(coarse.vertices, coarse.faces, process=False)
+    assert made.volume == pytest.approx(ball.volume, rel=0.15)
+    assert made.is_winding_consistent
+
+
+def test_what_has_few_triangles_stays_as_it_is() -> None:
+    box = trimesh.creation.box()
+    surface = Triangles(np.array(box.vertices), np.array(box.faces))
+    assert thin_out(surface, 12) is surface
+
+
+def test_the_coarsest_form_is_answered_where_nothing_fits() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    coarse = thin_out(Triangles(np.array(ball.vertices), np.array(ball.faces)), 1)
+    assert 1 < len(coarse.faces) < 1_000

@@ -1,20 +1,35 @@
-"""The packed robot and scene: which pairs are compared, by which margins, under which names."""
+"""The packed robot and scene: pairs, their groups, margins and brackets."""
 
 import itertools
 
 import numpy as np
 import pytest
 
+from benchmarks.judges.fcl import FclJudge
+from benchmarks.planning.scale import room
+from benchmarks.verdict import certify_all, clutter, verdicts_on
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
+from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
+from obstacles.collision.edge_check import COLLIDING, FREE
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.collision.model.collision_model import CollisionModel
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.collision.model.pair_grid import grid_bound
+from obstacles.collision.model.pair_groups import (
+    FIRST_PAIR,
+    GROUP_SIZE,
+    LAST_PAIR,
+    PARTED,
+    whole_groups,
+)
 from obstacles.convex.piece import Piece, PieceKind
 from obstacles.distance.signed_distance import halfspace_distance, signed_distance
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
-from obstacles.shapes.shape import HalfSpace, PointCloud, Sphere
-from tests.obstacles.arms import builtin, gantry, obstacle
+from obstacles.shapes.shape import Box, HalfSpace, PointCloud, Sphere
+from tests.obstacles.arms import builtin, cut_arm, gantry, obstacle
 from tests.obstacles.outline import convex_shapes
 from tests.obstacles.solids import random_transform
 
@@ -161,3 +176,222 @@ def test_a_link_may_be_in_a_halfspace_that_it_is_allowed_to_touch() -> None:
     assert clearance == pytest.approx(0.8)
     assert pair == ("tool", "ball")
     assert Checker.of(robot, both).free(-below, below)
+
+
+def states_of(robot: RobotGeometry, random: np.random.Generator, count: int) -> Array:
+    return random.uniform(*robot.chain.sampling_bounds(), (count, robot.chain.n))
+
+
+def verdicts(checker: Checker, states: Array) -> tuple[Array, Array, int]:
+    """By brackets and exact tests on what they leave, by the walk over motions, and how many."""
+    ours, edges = np.empty(len(states)), np.empty(len(states))
+    asked = verdicts_on(checker.model.arrays, states, checker.slack, ours)
+    certify_all(checker.model.arrays, states, 0.0 * states, edges)
+    return ours, edges, asked
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_brackets_tell_what_fcl_tells(name: str) -> None:
+    robot, random = builtin(name), np.random.default_rng(61)
+    reach = float(np.linalg.norm(robot.chain.offsets[:, :3, 3], axis=1).sum()) + 0.1
+    told = 0
+    for scene in (clutter(random, reach), clutter(random, reach)):
+        checker, judge = Checker.of(robot, scene), FclJudge(robot, scene)
+        states = states_of(robot, random, 40)
+        ours, edges, _ = verdicts(checker, states)
+        assert (ours == edges).all()
+        for q, verdict in zip(states, ours, strict=True):
+            bracket = checker.bracket(q)
+            assert not (bracket.free and bracket.colliding)
+            told += bracket.free or bracket.colliding
+            assert not bracket.free or not bracket.flagged
+            assert not bracket.free or verdict == FREE
+            assert not bracket.colliding or verdict == COLLIDING
+            assert bracket.free or bracket.colliding or bracket.flagged
+            assert not bracket.free or not judge.collides(q)
+            assert not bracket.colliding or judge.collides(q)
+            assert checker.valid(q) == (verdict == FREE)
+    assert told > 20
+
+
+def test_margins_slack_and_allowed_pairs() -> None:
+    robot, random = builtin("ur5e"), np.random.default_rng(62)
+    plain = clutter(random, 1.0)
+    states = states_of(robot, random, 150)
+    few = Scene(
+        tuple(
+            Obstacle(o.id, o.shape, o.T_world_obstacle, random.uniform(0.0, 0.05))
+            for o in plain.obstacles
+        ),
+        allowed_collisions=frozenset(
+            [("forearm_link", "o1"), ("floor", "shoulder_link"), ("wrist_1_link", "wrist_3_link")]
+        ),
+    )
+    for scene, margin, slack in ((plain, 0.0, 0.0), (few, 0.02, 0.0), (few, 0.0, 0.01)):
+        checker = Checker(Checker.of(robot, scene, margin).model, slack)
+        ours, found = verdicts(checker, states)[0], np.empty(len(states))
+        for k, q in enumerate(states):
+            motion = checker.segment(q, q)
+            found[k] = FREE if motion.free else COLLIDING if motion.colliding else 2.0
+        assert (ours == found).all()
+        assert 0 < (ours == FREE).sum() < len(states)
+
+
+def test_a_robot_that_holds_something() -> None:
+    random = np.random.default_rng(63)
+    held = Obstacle("held", Box(np.array([0.3, 0.02, 0.2])), random_transform(random, 0.1))
+    arm = builtin("iiwa14")
+    robot = arm.attach(held, arm.chain.tip.name)
+    walls = (Obstacle("wall", HalfSpace(np.array([1.0, 0.0, 0.0]), -0.4)),)
+    balls = tuple(Obstacle(f"b{k}", Sphere(0.1), random_transform(random, 0.6)) for k in range(6))
+    checker = Checker.of(robot, Scene(walls + balls))
+    ours, edges, _ = verdicts(checker, states_of(robot, random, 200))
+    assert (ours == edges).all()
+    assert 0 < (ours == FREE).sum() < 200
+
+
+def test_near_contact_the_verdict_is_the_exact_one() -> None:
+    # A ball is moved until it all but touches: brackets leave these pairs, or are right.
+    robot, random = builtin("kr6_sixx"), np.random.default_rng(64)
+    for q in states_of(robot, random, 25):
+        place = random_transform(random, 0.4)
+        far = Checker.of(robot, Scene((Obstacle("ball", Sphere(0.001), place),)))
+        bare = Checker.of(robot, Scene())
+        distance = far.clearance(q)[0] + 0.001
+        if not bare.valid(q) or bare.clearance(q)[0] < distance or distance < 0.01:
+            continue
+        for more, verdict in ((-2e-6, True), (2e-6, False)):
+            ball = Obstacle("ball", Sphere(distance + more), place)
+            assert Checker.of(robot, Scene((ball,))).valid(q) == verdict
+
+
+def test_most_states_need_no_exact_test() -> None:
+    robot, random = builtin("ur5e"), np.random.default_rng(65)
+    checker = Checker.of(robot, room(random, 100_000))
+    states = states_of(robot, random, 300)
+    ours, edges, asked = verdicts(checker, states)
+    assert (ours == edges).all()
+    assert asked < 20 * len(states)
+
+
+def test_a_link_without_volume() -> None:
+    sheet = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]])
+    arm = builtin("planar_rr")
+    flat = RobotGeometry(
+        arm.chain, (Piece(PieceKind.POLYTOPE, np.eye(4), sheet),), (arm.links[-1],),
+        np.array([1]), np.array([0]), {},
+    )  # fmt: skip
+    random = np.random.default_rng(66)
+    ball = Obstacle("ball", Sphere(0.3), random_transform(random, 0.5))
+    ours, edges, _ = verdicts(Checker.of(flat, Scene((ball,))), states_of(flat, random, 200))
+    assert (ours == edges).all()
+
+
+ARM = cut_arm()
+
+
+def arrays() -> ModelArrays:
+    return CollisionModel(ARM, Scene()).arrays
+
+
+def size(groups: np.ndarray, group: int) -> int:
+    """How many groups one and those that part it are."""
+    return int(groups[group, GROUP_SIZE]) if groups[group, PARTED] < 0 else 1
+
+
+def pair_groups_pairs_of(groups: np.ndarray, group: int) -> tuple[int, int]:
+    """The first pair of a group and of those that part it, and the number after the last."""
+    inside = groups[group : group + size(groups, group)]
+    whole = inside[inside[:, PARTED] >= 0]
+    return int(whole[:, FIRST_PAIR].min()), int(whole[:, LAST_PAIR].max())
+
+
+def states(count: int, seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-np.pi, np.pi, (count, ARM.chain.n))
+
+
+def test_leaves_hold_every_pair_once_and_parents_what_is_in_them() -> None:
+    groups = arrays().groups
+    assert max(size(groups, group) for group in range(len(groups))) > 40
+    leaves = groups[groups[:, PARTED] >= 0]
+    numbers = np.concatenate([np.arange(a, b) for a, b in leaves[:, : LAST_PAIR + 1]])
+    assert numbers.tolist() == list(range(len(ARM.self_pairs)))
+    ours = {frozenset(pair) for pair in arrays().self_pairs.tolist()}
+    assert ours == {frozenset(pair) for pair in ARM.self_pairs.tolist()}
+    tops, end = whole_groups(groups).tolist(), 0
+    for top in tops:
+        first, last = pair_groups_pairs_of(groups, top)
+        assert first == end
+        end = last
+    assert end == len(ARM.self_pairs)
+    assert tops[0] == 0
+    for group in np.flatnonzero(groups[:, PARTED] < 0).tolist():
+        part, end = group + 1, pair_groups_pairs_of(groups, group)[0]
+        while part < group + size(groups, group):
+            first, last = pair_groups_pairs_of(groups, part)
+            assert first == end
+            part, end = part + size(groups, part), last
+        assert part == group + size(groups, group)
+        assert end == pair_groups_pairs_of(groups, group)[1]
+
+
+def test_no_verdict_on_a_state_differs_from_fcl() -> None:
+    checker, world = Checker.of(ARM, Scene()), FclWorld(ARM, Scene())
+    drawn = states(400, 2)
+    truth = []
+    for q in drawn:
+        world.set_configuration(q)
+        truth.append(not world.collisions(q))
+    assert 60 < sum(truth) < 340
+    assert [checker.valid(q) for q in drawn] == truth
+    assert checker.each_valid(drawn).tolist() == truth
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_what_the_grid_proves_is_true(name: str) -> None:
+    robot = builtin(name)
+    arrays = Checker.of(robot, Scene()).model.arrays
+    world = FclWorld(robot, Scene())
+    rows = {frozenset(map(int, pair)): k for k, pair in enumerate(world.pairs)}
+    random = np.random.default_rng(41)
+    lower, upper = robot.chain.sampling_bounds()
+    useful = compared = 0
+    for _ in range(60):
+        q = random.uniform(lower, upper)
+        world.set_configuration(q)
+        for s, (i, j) in enumerate(arrays.self_pairs):
+            if arrays.grid_axes[s, 0, 2] == 0.0:
+                continue
+            proved = grid_bound(
+                arrays.grid_axes, arrays.grid_starts, arrays.grid_values, s,
+                int(arrays.joints[i]), q[None],
+            )  # fmt: skip
+            true = world.distance(rows[frozenset((int(i), int(j)))])
+            assert proved <= max(true, 0.0) + 1e-9
+            compared += 1
+            useful += proved > 0.0 or true <= 0.02
+    assert useful >= 0.6 * compared
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_pairs_that_get_a_grid_are_those_that_balls_do_not_part(name: str) -> None:
+    """Against a look at each pair by itself, from frames of the whole chain."""
+    robot = builtin(name)
+    arrays, chain = Checker.of(robot, Scene()).model.arrays, robot.chain
+    lower, upper = chain.limits.lower, chain.limits.upper
+    for s, (i, j) in enumerate(arrays.self_pairs):
+        first, last = int(arrays.joints[i]) + 1, int(arrays.joints[j])
+        moving = np.arange(first, min(last, chain.n - 1) + 1)
+        span = upper[moving] - lower[moving]
+        if last >= chain.n or len(moving) > 2 or not np.isfinite(span).all():
+            assert arrays.grid_axes[s, 0, 2] == 0.0
+            continue
+        (a, a_radius), (b, b_radius) = (robot.pieces[k].bounding_sphere() for k in (i, j))
+        apart = []
+        for shares in itertools.product((0.05, 0.35, 0.65, 0.95), repeat=len(moving)):
+            q = np.zeros(chain.n)
+            q[moving] = lower[moving] + np.array(shares) * span
+            frames = np.concatenate([np.eye(4)[None], joint_frames(chain, q)])
+            A, B = frames[first], frames[last + 1]
+            apart.append(np.linalg.norm(A[:3] @ [*a, 1.0] - B[:3] @ [*b, 1.0]))
+        assert (arrays.grid_axes[s, 0, 2] > 0.0) == (min(apart) < a_radius + b_radius)

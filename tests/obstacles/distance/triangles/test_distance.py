@@ -1,8 +1,6 @@
-"""Meshes that are not convex, as robots and as obstacles, against python-fcl on their triangles.
+"""Meshes that are not convex against python-fcl on their triangles: distance, depth, motion."""
 
-FCL knows surfaces only; what lies inside without touching is found by solid angles, in numpy.
-"""
-
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -12,8 +10,12 @@ import pytest
 import trimesh
 
 from kinematics.arrays import Array
-from obstacles.collision.checker import Checker
+from kinematics.forward import joint_frames
+from kinematics.model.chain import Chain, Limits, Link
+from kinematics.pose import from_axis_angle, inverse, transform
+from obstacles.collision.checker import Checker, Motion
 from obstacles.collision.fcl_distance import FclWorld
+from obstacles.convex.piece import Piece
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import (
@@ -230,3 +232,181 @@ def test_gradients_are_those_of_the_nearest_triangles() -> None:
         behind = checker.clearance(np.array([x - step]))[0]
         slope = (ahead - behind) / (2.0 * step)
         assert near.gradients[least, 0] == pytest.approx(slope, abs=1e-3)
+
+
+def depth(body: Shape, obstacle: Obstacle) -> float:
+    """Of a body that stands at the origin."""
+    pieces = body.pieces()
+    robot = replace(slide(*pieces), solids=np.zeros(len(pieces), dtype=np.int64))
+    world = FclWorld(robot, Scene((obstacle,)))
+    (found,) = world.collisions(np.zeros(1))
+    nearest = world.clearance(np.zeros(1))
+    assert nearest.distance == -found.depth
+    assert nearest.pair == found.pair
+    return found.depth
+
+
+def apart_once_moved(body: trimesh.Trimesh, by: Array, other: trimesh.Trimesh, T: Array) -> bool:
+    return apart(body, transform(None, by), other, T) > 0.0
+
+
+def directions(random: np.random.Generator, count: int) -> Array:
+    u = random.normal(size=(count, 3))
+    return np.asarray(u / np.linalg.norm(u, axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize("name", ["ell", "ring", "tube", "bowl", "plate"])
+def test_no_random_way_out_is_much_shorter(name: str) -> None:
+    body, random = BODIES[name], np.random.default_rng(17)
+    looked = shorter = 0
+    while looked < 4:
+        shape, other = small(random)
+        T = random_transform(random, 0.5)
+        if apart(body, np.eye(4), other, T) > 0.0:
+            continue
+        looked += 1
+        found = depth(mesh_shape(body), Obstacle("it", shape, T))
+        for u in directions(random, 8):
+            assert not apart_once_moved(body, 0.4 * found * u, other, T)
+            shorter += apart_once_moved(body, 0.8 * found * u, other, T)
+    assert shorter <= 1
+
+
+def test_the_wall_of_a_bowl_is_not_as_deep_as_its_hollow() -> None:
+    ball = trimesh.creation.icosphere(3, 0.1)
+    for sunk in (1e-4, 0.004, 0.03):
+        at = transform(None, [0.0, 0.0, -(0.4 + sunk)])
+        told = depth(mesh_shape(bowl()), Obstacle("ball", Sphere(0.1), at))
+        assert told == pytest.approx(sunk, rel=0.05, abs=2e-3)
+        told = depth(mesh_shape(ball), Obstacle("bowl", mesh_shape(bowl()), inverse(at)))
+        assert told == pytest.approx(sunk, rel=0.05, abs=2e-3)
+
+
+def test_a_peg_against_the_inside_of_a_ring() -> None:
+    inner = 0.4  # of a torus of radii 0.6 and 0.2, whose facets reach a little further out
+    for sunk in (0.002, 0.02):
+        at = transform(None, [inner + sunk - 0.05, 0.0, 0.0])
+        assert depth(mesh_shape(ring()), Obstacle("peg", Sphere(0.05), at)) < sunk + 0.01
+
+
+def test_what_lies_inside_has_to_come_out() -> None:
+    body = spiky(3)
+    told = depth(mesh_shape(body), Obstacle("in", Sphere(0.01)))
+    assert told > 0.01
+    for u in directions(np.random.default_rng(0), 40):
+        ball = trimesh.creation.icosphere(2, 0.01)
+        assert not apart_once_moved(body, 0.5 * told * u, ball, np.eye(4))
+
+
+def test_a_floor_and_margins() -> None:
+    corners = np.array(ell(0.8).vertices)
+    lowest = float(corners[:, 2].min())
+    floor = Obstacle("floor", HalfSpace(np.array([0.0, 0.0, 1.0]), lowest + 0.07), margin=0.01)
+    assert depth(mesh_shape(ell(0.8)), floor) == pytest.approx(0.08, abs=1e-9)
+    high = float(corners[:, 0].max())
+    box = Obstacle(
+        "box", Box(np.array([0.2, 4.0, 4.0])), transform(None, [high + 0.1 - 0.003, 0.0, 0.0]), 0.01
+    )
+    assert depth(mesh_shape(ell(0.8)), box) == pytest.approx(0.013, rel=0.02)
+
+
+def torus() -> trimesh.Trimesh:
+    """A ring of many triangles about the x axis."""
+    body = trimesh.creation.torus(0.5, 0.1, major_sections=128, minor_sections=64)
+    body.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2.0, [0.0, 1.0, 0.0]))
+    return body
+
+
+def motion_through(body: trimesh.Trimesh, height: float) -> Motion:
+    """A ball with bumps is led through a body, that much off its axis."""
+    peg = spiky(5)
+    peg.apply_scale(0.1)
+    scene = Scene((Obstacle("body", mesh_shape(body), transform(np.eye(3), [0.3, 0.0, height])),))
+    checker = Checker.of(slide(*mesh_shape(peg).pieces()), scene)
+    return checker.segment(np.array([-2.0]), np.array([2.0]))
+
+
+@pytest.mark.parametrize("height", [0.25, 0.28, 0.3])
+def test_a_long_motion_past_fine_meshes_costs_what_its_intervals_do(height: float) -> None:
+    """Triangles that a long interval may reach are not searched for the nearest ones."""
+    motion = motion_through(torus(), height)
+    assert motion.free
+    assert motion.intervals < 200
+
+
+def test_a_long_motion_into_a_fine_mesh_is_refused_as_quickly() -> None:
+    motion = motion_through(torus(), 0.36)
+    assert motion.colliding
+    assert motion.intervals < 200
+
+
+@pytest.mark.parametrize("name", ["ell", "ring", "tube", "bowl"])
+def test_motions_proved_free_keep_the_triangles_apart(name: str) -> None:
+    """Edges of any length beside any pose, against FCL on the triangles, densely."""
+    body = {"ell": ell(0.8), "ring": ring(), "tube": tube(), "bowl": bowl()}[name]
+    peg = spiky(5)
+    peg.apply_scale(0.12)
+    random = np.random.default_rng(11)
+    robot, kinds = slide(*mesh_shape(peg).pieces()), np.zeros(2, dtype=np.int64)
+    for _ in range(18):
+        T = random_transform(random, 0.25)
+        a, b = np.sort(random.uniform(-0.8, 0.8, 2))
+        checker = Checker.of(robot, Scene((Obstacle("it", mesh_shape(body), T),)))
+        motion = checker.segment(np.array([a]), np.array([b]))
+        places = np.linspace(a, b, 24)
+        near = [apart(peg, transform(np.eye(3), [x, 0.0, 0.0]), body, T) for x in places]
+        if motion.free:
+            kinds[0] += 1
+            assert min(near) > 0.0
+        if motion.colliding:
+            kinds[1] += 1
+            at = transform(np.eye(3), [a + motion.at * (b - a), 0.0, 0.0])
+            assert apart(peg, at, body, T) < 1e-6
+        if min(near) == 0.0:
+            assert not motion.free
+    assert (kinds > 2).all()
+
+
+def turning(*pieces: Piece) -> RobotGeometry:
+    """Solids at the end of an arm of two joints, half a metre from each other."""
+    two = np.array([1.0, 1.0])
+    limits = Limits(-3.0 * two, 3.0 * two, two, two, two, two)
+    links = (Link("base", -1, np.eye(4)), Link("hand", 1, np.eye(4)))
+    second = transform(from_axis_angle(np.array([0.6, 0.0, 0.8]), 1.2), np.array([0.5, 0.0, 0.1]))
+    chain = Chain(
+        "turning", ("one", "two"), np.array([0, 0]), np.stack([np.eye(4), second]), links, "base",
+        "hand", limits, np.zeros(2, dtype=bool),
+    )  # fmt: skip
+    own = tuple(p.placed(transform(np.eye(3), [0.5, 0.0, 0.0])) for p in pieces)
+    numbers = np.arange(len(own))
+    return RobotGeometry(chain, own, ("hand",) * len(own), 1 + 0 * numbers, numbers, {})
+
+
+def hand_at(robot: RobotGeometry, q: Array) -> Array:
+    return np.asarray(joint_frames(robot.chain, q)[1] @ transform(np.eye(3), [0.5, 0.0, 0.0]))
+
+
+def test_turns_proved_free_keep_the_triangles_apart() -> None:
+    """Parts of a mesh go less far than its farthest corner: what is proved of them holds, too."""
+    body, peg = ring(), spiky(3)
+    peg.apply_scale(0.2)
+    robot, random = turning(*mesh_shape(peg).pieces()), np.random.default_rng(12)
+    near_ones = colliding = 0
+    for _ in range(40):
+        q = random.uniform(-1.0, 1.0, 2)
+        T = hand_at(robot, q) @ random_transform(random, 0.12)
+        checker = Checker.of(robot, Scene((Obstacle("it", mesh_shape(body), T),)))
+        end = q + random.uniform(-0.5, 0.5, 2)
+        if not checker.valid(q):
+            continue
+        motion = checker.segment(q, end)
+        if motion.free:
+            states = q + np.linspace(0.0, 1.0, 16)[:, None] * (end - q)
+            near = [apart(peg, hand_at(robot, state), body, T) for state in states]
+            assert min(near) >= motion.clearance - 2e-5
+            near_ones += min(near) < 0.03
+        else:
+            colliding += 1
+            assert apart(peg, hand_at(robot, q + motion.at * (end - q)), body, T) < 1e-6
+    assert near_ones > 2
+    assert colliding > 3

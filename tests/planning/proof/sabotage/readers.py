@@ -28,7 +28,7 @@ from obstacles.scenes import moveit, scene
 from obstacles.shapes import shape as shapes
 from planning.proof.collision.pair_table import PairTable
 from tests.obstacles.bodies import ell
-from tests.obstacles.meshes.test_collada import written
+from tests.obstacles.meshes.test_mesh import written
 
 #: Directions along which solids are compared, and what single precision leaves of a metre.
 DIRECTIONS = np.random.default_rng(0).normal(size=(200, 3))

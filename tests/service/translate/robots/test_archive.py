@@ -17,7 +17,7 @@ from service.endpoints.robots import task
 from service.endpoints.robots.task import unpack_robot
 from service.translate.robots import archive
 from service.translate.robots.archive import read_archive
-from tests.obstacles.meshes.test_collada import written
+from tests.obstacles.meshes.test_mesh import written
 
 URDF = "<robot/>"
 MESH = '<mesh filename="package://arm/{}"/>'
