@@ -1,31 +1,17 @@
 """Robots and scenes of our own that the planning tests share."""
 
-from functools import cache
-
 import numpy as np
 
 from kinematics.pose import transform
-from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.tree.srdf import parse_srdf
-from kinematics.urdf.urdf import parse_urdf
-from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Cylinder
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import Problem
 from planning.result import Failure, Plan
+from tests.obstacles.arms import builtin as builtin
 
 HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
-
-
-@cache
-def builtin(name: str) -> RobotGeometry:
-    """A built-in robot with its solids."""
-    description, semantics = parse_urdf(builtin_urdf(name)), parse_srdf(builtin_srdf(name))
-    chain = serial_chain(description, semantics=semantics)
-    return robot_geometry(chain, description, {}, semantics)
 
 
 def box(name: str, size: tuple[float, float, float], at: tuple[float, float, float]) -> Obstacle:
