@@ -9,8 +9,9 @@ from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import Problem
 from planning.result import Failure, Plan
-from tests.obstacles.arms import builtin as builtin
+from tests.obstacles import arms
 
+builtin = arms.builtin
 HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 
 

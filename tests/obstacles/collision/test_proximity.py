@@ -80,7 +80,7 @@ def test_gradients_are_those_of_differences(name: str) -> None:
     lower, upper = robot.chain.sampling_bounds()
     step, compared, jumps, negative = 1e-6, 0, 0, 0
     for _ in range(12):
-        checker = Checker.of(robot, clutter(random), 0.01)
+        checker = Checker.of(robot, few_solids(random), 0.01)
         q = random.uniform(lower, upper)
         near = checker.gradient(q, 0.2)
         clearance, least = checker.clearance(q)[0], near.distances.min(initial=np.inf)
