@@ -22,7 +22,7 @@ from obstacles.distance.signed_distance import signed_distance
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import HalfSpace
 from tests.obstacles.arms import builtin
-from tests.obstacles.collision.test_edge_check import clutter
+from tests.obstacles.collision.test_edge_check import few_solids
 from tests.obstacles.solids import KINDS, random_solid, random_transform
 from tests.planning.scenes import box
 
