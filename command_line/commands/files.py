@@ -108,13 +108,17 @@ def export(
         typer.Option(
             "--format",
             help="joint_trajectory_json, joint_trajectory_yaml, ros2_control, csv, "
-            "urscript_servoj, urscript_movej, rapid, krl or mcap, a recording for Foxglove.",
+            "urscript_servoj, urscript_movej, rapid, krl, egm, rsi or mcap, a recording for "
+            "Foxglove.",
         ),
     ],
     request: Request,
     mounted: Mounted,
     around: Surroundings,
-    sample_period: Annotated[float, typer.Option(help="Time between points [s].")] = 0.01,
+    sample_period: Annotated[
+        float | None,
+        typer.Option(help="Time between points [s]; 0.01, or the cycle of egm and rsi."),
+    ] = None,
 ) -> None:
     """Write a motion for a robot controller, with a proof; exit with 1 where it is not proved."""
     if form == _RECORDING and request.output is None and not connection.as_json:

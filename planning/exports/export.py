@@ -17,7 +17,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.exports import formats
 from planning.exports.corners import check_flange, fitted_corners, lever_arms
-from planning.exports.languages import Krl, Language, Rapid, URScript, WrittenMotion
+from planning.exports.languages import Krl, Language, Rapid, Stream, URScript, WrittenMotion
 from planning.exports.options import ExportFormat, ExportOptions, Rule
 from planning.exports.points import ExportPoints, export_points
 from planning.proof.certificate import Certificate, certify
@@ -368,6 +368,8 @@ def file_text(
 
 def language_of(chain: Chain, options: ExportOptions) -> Language:
     """The language that programs of a format are in."""
+    if options.traits.cycles is not None:
+        return Stream(options, chain.n)
     if options.format == ExportFormat.RAPID:
         return Rapid(options)
     return Krl(options) if options.format == ExportFormat.KRL else URScript(options, chain)

@@ -1,9 +1,10 @@
-"""Languages of industrial controllers: the lines of URScript, RAPID and KRL programs.
+"""Languages of industrial controllers: lines of URScript, RAPID and KRL, and position streams.
 
 What a cell does beside the arm is called by name: ``gripper_to`` with where the fingers go and the
 time they take, and ``take_...`` for each tool. The cell has these procedures.
 """
 
+import inspect
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -17,6 +18,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from obstacles.robots.tool import PART
+from planning.exports import sender
 from planning.exports.options import EXTRA_AXES, ROBOT_AXES, Event, ExportFormat, ExportOptions
 from planning.exports.points import ExportPoints, single_degrees
 
@@ -277,6 +279,58 @@ class Krl(Language):
     @staticmethod
     def _axes(count: int) -> list[str]:
         return [f"A{k + 1}" if k < ROBOT_AXES else f"E{k + 1 - ROBOT_AXES}" for k in range(count)]
+
+
+@dataclass(slots=True)
+class Stream(Language):
+    """Programs of Python that send a position to the controller at each of its cycles.
+
+    Args:
+        count: Number of axes.
+    """
+
+    count: int
+    _rows: list[Array] = field(default_factory=list)
+    _tolerance: float = _NO_TOLERANCE
+    NOTE = "    # {}"
+
+    def begin(self, start: Array, tolerance: float | None) -> list[str]:  # noqa: ARG002, D102
+        self._tolerance = tolerance or _NO_TOLERANCE
+        return []
+
+    def motion(self, motion: WrittenMotion) -> list[str]:  # noqa: D102
+        return self._send(np.rad2deg(motion.points.positions)[1 if self._rows else 0 :])
+
+    def wait(self, seconds: float) -> list[str]:  # noqa: D102
+        cycles = int(np.ceil(seconds / self.options.period - 1e-9))
+        return self._send(np.repeat(self._rows[-1][None], cycles, axis=0))
+
+    def event(self, event: Event) -> list[str]:  # noqa: D102
+        return self.call(f"{event.kind} {event.port}")
+
+    def call(self, name: str, *values: float) -> list[str]:  # noqa: ARG002, D102
+        raise InvalidOption(
+            f"format: {self.options.format.value} streams positions alone, the program has {name}",
+            hint="Export it as rapid or krl, or each of its motions by itself.",
+        )
+
+    def program(self, head: Sequence[str], lines: Sequence[str]) -> list[str]:  # noqa: D102
+        rows, is_rsi = np.array(self._rows), self.options.format == ExportFormat.RSI
+        ranges = zip(rows.min(axis=0) - rows[0], rows.max(axis=0) - rows[0], strict=True)
+        told = ", ".join(f"A{k} {low:.3f} to {high:.3f}" for k, (low, high) in enumerate(ranges, 1))
+        needs = [f"# AXISCORR, set to absolute corrections, has to allow (degrees): {told}."]
+        protocol, tolerance = "Rsi" if is_rsi else "Egm", float(np.rad2deg(self._tolerance))
+        return [
+            *head, f"# One position each {self.options.period:g} s, in degrees.",
+            *(needs if is_rsi else []), *inspect.getsource(sender).splitlines(), "", "",
+            "POSITIONS = [", *lines, "]", 'if __name__ == "__main__":',
+            f"    main({protocol}(), POSITIONS, {tolerance!r})",
+        ]  # fmt: skip
+
+    def _send(self, rows: Array) -> list[str]:
+        rows = np.round(rows, self.options.traits.decimals or 0)
+        self._rows += [*rows]
+        return [f"    {row}," for row in rows.tolist()]
 
 
 def _start_check(start: Array, tolerance: float | None) -> list[str]:

@@ -20,6 +20,8 @@ class ExportFormat(StrEnum):
     URSCRIPT_MOVEJ = "urscript_movej"
     RAPID = "rapid"
     KRL = "krl"
+    EGM = "egm"
+    RSI = "rsi"
 
 
 class Rule(StrEnum):
@@ -41,6 +43,9 @@ class FormatTraits(NamedTuple):
         gaps: Sentences on what a proof by the format's rule leaves open.
         sign: Sign that begins a comment; JSON has none.
         joints: Numbers of joints that its motions can have; None for any.
+        cycles: Periods at which the controller takes setpoints [s]; the first where none is asked
+            for. None for any.
+        decimals: Decimals of a degree that setpoints have; None where they are in radians.
     """
 
     kind: Literal["spline", "stream", "path"]
@@ -48,6 +53,8 @@ class FormatTraits(NamedTuple):
     gaps: tuple[str, ...] = ()
     sign: str = "#"
     joints: range | None = None
+    cycles: tuple[float, ...] | None = None
+    decimals: int | None = None
 
 
 #: Joints of a URScript motion, and of the robot's own axes in RAPID and KRL.
@@ -59,6 +66,12 @@ _SERVOJ = (
     "The smoothing of servoj by lookahead_time and gain, which is not published: only the "
     "setpoints and the lines between them are proved."
 )
+_STREAM = (
+    "{} Only the positions that are sent and the lines between them are proved; a message that is "
+    "lost or late holds the arm up on its way."
+)
+_EGM = _STREAM.format("The low-pass filter, the ramps and the speed limits of EGM.")
+_RSI = _STREAM.format("The filters and limits of RSI.")
 _PROPORTION = ("Axes that do not keep step between two points, so that the leg is not straight.",)
 _SIX, _TWELVE = range(ROBOT_AXES, ROBOT_AXES + 1), range(1, ROBOT_AXES + EXTRA_AXES + 1)
 #: Traits of the formats.
@@ -73,6 +86,10 @@ TRAITS = {
     ExportFormat.URSCRIPT_MOVEJ: FormatTraits("path", "script", joints=_SIX),
     ExportFormat.RAPID: FormatTraits("path", "mod", _PROPORTION, "!", _TWELVE),
     ExportFormat.KRL: FormatTraits("path", "src", _PROPORTION, ";", _TWELVE),
+    ExportFormat.EGM: FormatTraits(
+        "stream", "py", (_EGM,), "#", _TWELVE, tuple(0.004 * k for k in range(1, 13)), 9
+    ),
+    ExportFormat.RSI: FormatTraits("stream", "py", (_RSI,), "#", _TWELVE, (0.012, 0.004), 6),
 }
 #: Formats that give the points of a path.
 PATH_FORMATS = frozenset(one for one, traits in TRAITS.items() if traits.kind == "path")
@@ -104,7 +121,7 @@ class ExportOptions:
         format: The file to write.
         sample_period: Time between points; quintics have points where pieces of the motion meet as
             well, cubics where the acceleration jumps. A path is chosen among points this far
-            apart [s].
+            apart [s]. None takes 0.01 s, or the cycle of the controller that a stream is for.
         interpolation: "quintic", "cubic" or "linear", for messages and tables. None takes
             "quintic" where the acceleration is continuous, "cubic" elsewhere.
         path_tolerance: Distance of the motion from the legs of a path at most [rad or m].
@@ -121,7 +138,7 @@ class ExportOptions:
     """
 
     format: ExportFormat
-    sample_period: float = 0.01
+    sample_period: float | None = None
     interpolation: str | None = None
     path_tolerance: float = 1e-3
     blend: float = 0.0
@@ -144,14 +161,29 @@ class ExportOptions:
             )
         if self.interpolation is not None:
             self._check_interpolation(self.interpolation)
-        for quantity in ("sample_period", "path_tolerance", "speed"):
+        for quantity in ("period", "path_tolerance", "speed"):
             if not getattr(self, quantity) > 0.0:
                 raise InvalidOption(f"{quantity}: must be positive")
+        cycles = self.traits.cycles
+        if cycles is not None and not any(abs(self.period - one) < 1e-9 for one in cycles):
+            known = ", ".join(f"{one:g}" for one in cycles)
+            raise InvalidOption(
+                f"sample_period: {self.format.value} takes a position each {known} s, "
+                f"not each {self.period:g} s",
+                hint="Give one of these, or leave sample_period out.",
+            )
 
     @property
     def traits(self) -> FormatTraits:
         """Traits of the format."""
         return TRAITS[self.format]
+
+    @property
+    def period(self) -> float:
+        """Time between points [s]."""
+        if self.sample_period is not None:
+            return self.sample_period
+        return 0.01 if self.traits.cycles is None else self.traits.cycles[0]
 
     @property
     def is_path(self) -> bool:

@@ -48,7 +48,7 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
     Raises:
         InvalidOption: The period gives too many points.
     """
-    period = options.sample_period
+    period = options.period
     # Points of one file: at half a kilobyte each, fifty megabytes.
     max_points = 100_000
     if trajectory.duration / period > max_points:
@@ -57,7 +57,8 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
             f"{max_points} points",
             hint=f"Give at least {trajectory.duration / max_points:.3g} s.",
         )
-    trajectory = _in_whole_nanoseconds(trajectory)
+    cycle = 1 if options.traits.cycles is None else round(period * NANOSECONDS)
+    trajectory = _in_whole_cycles(trajectory, cycle)
     times, rule = trajectory.uniform_samples(period), _rule(trajectory, options)
     if rule == Rule.STRAIGHT_LEGS:
         positions = trajectory.sample(times)
@@ -73,18 +74,20 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
     rows = rows_at(trajectory, times, count)
     if options.format in (ExportFormat.RAPID, ExportFormat.KRL):
         rows = (np.deg2rad(single_degrees(rows[0]).astype(np.float64)),)
+    if options.traits.decimals is not None:
+        rows = (np.deg2rad(np.round(np.rad2deg(rows[0]), options.traits.decimals)),)
     return ExportPoints(rule, ticks, rows)
 
 
-def _in_whole_nanoseconds(trajectory: Trajectory) -> Trajectory:
-    """The motion with a duration that files can tell, slower by less than a nanosecond.
+def _in_whole_cycles(trajectory: Trajectory, cycle: int) -> Trajectory:
+    """The motion with a duration of whole cycles [ns], slower by less than one of them.
 
     Its last point is then where and as fast as the motion ends.
     """
-    count = trajectory.duration * NANOSECONDS
+    count = trajectory.duration * NANOSECONDS / cycle
     nearest = float(max(round(count), 1))
-    # Durations that are off a whole nanosecond by less are off by rounding [ns].
-    whole = nearest if abs(count - nearest) <= 1e-5 else float(np.ceil(count))
+    # Durations that are off whole cycles by less are off by rounding [ns].
+    whole = nearest if abs(count - nearest) * cycle <= 1e-5 else float(np.ceil(count))
     return trajectory if whole == count else trajectory.dilate(whole / count)
 
 
@@ -118,7 +121,7 @@ def _with_breaks(trajectory: Trajectory, times: Array, period: float, rule: Rule
 def _rule(trajectory: Trajectory, options: ExportOptions) -> Rule:
     if options.is_path:
         return Rule.STRAIGHT_LEGS
-    if options.format == ExportFormat.URSCRIPT_SERVOJ:
+    if options.traits.kind == "stream":
         return Rule.LINEAR
     if options.interpolation is not None:
         return Rule(options.interpolation)

@@ -34,6 +34,7 @@ CHECKED = {
     "docs/mcp.md": "a server and a language model; tests/command_line/test_mcp.py",
     "docs/course/README.md": "a server in another terminal; tests/course runs the example",
     "docs/first_plan.md": "a clone and an installation",
+    "docs/how_to/stream_positions.md": "a controller; planning/exports/test_streams.py plays one",
     "docs/how_to/back_up.md": "two databases; storage/test_back_up.py runs it",
     "docs/how_to/generated_clients.md": "npm; tests/client/test_generated.py makes one of both",
     "docs/how_to/release.md": "these tests, minutes, and a repository to push to",

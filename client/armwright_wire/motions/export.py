@@ -33,6 +33,8 @@ Format = Literal[
     "urscript_movej",
     "rapid",
     "krl",
+    "egm",
+    "rsi",
     "mcap",
 ]
 
@@ -88,11 +90,11 @@ class ExportRequest(WithTool, WithFingers, BodyWithRules):
     trajectory: TrajectoryBody | None = None
     plan: PlanSource | None = None
     format: Format = Field(description="the file to write", examples=["ros2_control"])
-    sample_period: Annotated[Number, Field(ge=1e-4, le=60.0)] = Field(
-        0.01,
+    sample_period: Annotated[Number, Field(ge=1e-4, le=60.0)] | None = Field(
+        None,
         description="time between points; quintic has points where pieces of the motion meet as "
-        "well, cubic where the acceleration jumps; those of a path are chosen among such points "
-        "[s]",
+        "well, cubic where the acceleration jumps; those of a path are chosen among such points. "
+        "Left out, 0.01 s, or the cycle of the controller: 0.004 s of egm, 0.012 s of rsi [s]",
     )
     interpolation: Literal["quintic", "cubic", "linear"] | None = Field(
         None,

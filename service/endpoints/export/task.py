@@ -65,7 +65,7 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
             cell.robot,
             cell.scene,
             written.certificate,
-            sample_period=body.sample_period,
+            sample_period=0.01 if body.sample_period is None else body.sample_period,
         )
         more |= {
             "file_name": f"{body.name}.mcap",

@@ -2,6 +2,7 @@
 
 import json
 import re
+from ast import literal_eval
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +37,8 @@ def read(text: str, format_: ExportFormat) -> list[Do]:
         ExportFormat.RAPID: _rapid,
         ExportFormat.KRL: _krl,
         ExportFormat.CSV: _table,
+        ExportFormat.EGM: _stream,
+        ExportFormat.RSI: _stream,
     }
     if format_ in readers:
         return readers[format_](text)
@@ -69,6 +72,11 @@ def _urscript(text: str) -> list[Do]:
         elif found := re.match(r"  (take_\w+)\(\)", line):
             done.append(Do("take", value=found[1]))
     return done
+
+
+def _stream(text: str) -> list[Do]:
+    rows = np.deg2rad(literal_eval(text.partition("POSITIONS = ")[2].partition("\nif ")[0]))
+    return [Do("to" if k else "at", row) for k, row in enumerate(rows)]
 
 
 def single(numbers: Array) -> Array:

@@ -31,6 +31,7 @@ from tests.planning.exports.interpreters import read, single
 from tests.planning.scenes import builtin, pillar, planned_motion
 
 FORMATS = list(ExportFormat)
+STREAMS = [ExportFormat.EGM, ExportFormat.RSI]
 UR = builtin("ur5e")
 START = np.array([0.0, -1.4, 1.2, -1.0, 0.3, 0.1])
 END = np.array([1.3, -1.1, 0.7, -1.6, -0.4, 0.9])
@@ -56,7 +57,8 @@ def curved(duration: float = 3.0) -> Trajectory:
 
 
 def write(format_: ExportFormat, motion: Trajectory | None = None, **options: object) -> Export:
-    wanted = ExportOptions(format_, **{"sample_period": 0.05} | options)  # type: ignore[arg-type]
+    period = {"sample_period": None if format_ in STREAMS else 0.05}
+    wanted = ExportOptions(format_, **period | options)  # type: ignore[arg-type]
     return export(motion or curved(), UR, SCENE, wanted)
 
 
@@ -66,6 +68,9 @@ def points_of(made: Export, format_: ExportFormat) -> tuple[Array | None, list[A
         body = [line for line in made.text.splitlines() if not line.startswith("#")]
         rows = np.array(list(csv.reader(io.StringIO("\n".join(body))))[1:], dtype=float)
         return rows[:, 0], np.split(rows[:, 1:], rows.shape[1] // 6, axis=1)
+    if format_ in STREAMS:
+        rows = np.array([one.q for one in read(made.text, format_)])
+        return ExportOptions(format_).period * np.arange(float(len(rows))), [rows]
     if format_ in (*PATH_FORMATS, ExportFormat.URSCRIPT_SERVOJ):
         rows = np.array([one.q for one in read(made.text, format_) if one.q is not None])
         steps = [float(t) for t in re.findall(r", t=(.*?),", made.text)]
@@ -319,14 +324,16 @@ def test_files_end_at_rest_where_the_motion_does(format_: ExportFormat) -> None:
     random = np.random.default_rng(11)
     for _ in range(4):
         motion = trapezoids(random)
-        times, rows = points_of(write(format_, motion, sample_period=0.1), format_)
-        degrees = format_ in (ExportFormat.RAPID, ExportFormat.KRL)
+        period = None if format_ in STREAMS else 0.1
+        times, rows = points_of(write(format_, motion, sample_period=period), format_)
+        degrees = format_ in (ExportFormat.RAPID, ExportFormat.KRL, *STREAMS)
         np.testing.assert_allclose(rows[0][0], START, rtol=0.0, atol=1e-6 if degrees else 0.0)
         np.testing.assert_allclose(rows[0][-1], END, rtol=0.0, atol=1e-6 if degrees else 1e-15)
         if len(rows) > 1:
             assert not rows[1][[0, -1]].any()
         if times is not None:
-            assert 0.0 <= times[-1] - motion.duration <= 1e-9 + 1e-15
+            longer = ExportOptions(format_).period if format_ in STREAMS else 1e-9
+            assert 0.0 <= times[-1] - motion.duration <= longer + 1e-15
 
 
 def test_a_motion_that_ends_moving_is_written_so() -> None:
@@ -371,7 +378,7 @@ def test_every_file_says_what_it_is_proved_against(format_: ExportFormat) -> Non
     premises = write(format_).certificate.premises
     head = " ".join(write(format_).text.splitlines()[:12])
     assert f"PROVED free of collisions by that rule, {premises.against()}" in head
-    alone = export(curved(), UR, Scene(), ExportOptions(format_, sample_period=0.05))
+    alone = export(curved(), UR, Scene(), ExportOptions(format_))
     assert "PROVED free of collisions by that rule, against the robot itself only" in alone.text
 
 

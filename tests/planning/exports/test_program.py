@@ -10,6 +10,7 @@ import armwright as aw
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.pose import inverse
+from kinematics.trajectory.trajectory import stay
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.attachment import Attachment, hold
 from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
@@ -18,7 +19,8 @@ from tests.planning.exports.interpreters import Do, read
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.sequence.workshop import deburring, gripping, scene, worked
 
-FORMATS = list(ExportFormat)
+STREAMS = (ExportFormat.EGM, ExportFormat.RSI)
+FORMATS = [one for one in ExportFormat if one not in STREAMS]
 #: What of the peg may touch something, and how deep [m].
 TOUCHING = [("peg", name) for name in ("bench", "chuck_0", "chuck_1")]
 DEEP = 1e-4
@@ -173,6 +175,19 @@ def test_what_is_held_makes_a_program_unproved_where_it_meets_something() -> Non
 def test_ports_without_numbers_are_refused(options: dict[str, object], told: str) -> None:
     with pytest.raises(InvalidOption, match=told):
         export_program(parts(), ExportOptions(**options))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("format_", STREAMS)
+def test_a_stream_has_waits_and_nothing_else_beside_positions(format_: ExportFormat) -> None:
+    with pytest.raises(InvalidOption, match=f"{format_.value} streams positions alone"):
+        export_program(parts(), ExportOptions(format_))
+    moves = [part for part in parts() if part.event is None and part.fingers is None][:1]
+    end = moves[0].motion.end
+    dwell = stay(moves[0].motion.joint_names, end, 0.5)
+    made = export_program([*moves, moves[0]._replace(motion=dwell)], ExportOptions(format_))
+    rows = np.array([one.q for one in read(made.text, format_)])
+    still = np.abs(rows - end).max(axis=1) < 1e-7
+    assert np.count_nonzero(still) == pytest.approx(0.5 / ExportOptions(format_).period, abs=2)
 
 
 def test_parts_that_do_not_join_are_refused() -> None:
