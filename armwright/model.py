@@ -17,6 +17,8 @@ from dynamics.identification.log import Log
 from dynamics.identification.unknowns import DRIVES, Drive
 from dynamics.terms import coriolis_matrix, gravity_vector, mass_matrix
 from kinematics.arrays import Array, numbers, typed
+from kinematics.calibration import calibrate as calibration
+from kinematics.calibration.calibrate import Calibration, Measured, Unknown
 from kinematics.forward import forward
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.solution import IkResult
@@ -167,6 +169,37 @@ def inverse_dynamics(
         InvalidRobotState: A vector has the wrong length or is not finite.
     """
     return inverse.inverse_dynamics(chain_of(robot), joints, velocities, accelerations)
+
+
+@typed
+def calibrate(
+    robot: Robot,
+    joints: ArrayLike,
+    measured: Measured,
+    *,
+    link: str | None = None,
+    unknown: Sequence[Unknown] = (),
+    tolerance: tuple[float, float] = (1e-3, 1e-3),
+) -> Calibration:
+    """Calibrate the frames of a robot's joints from measurements of a link.
+
+    Args:
+        robot: The robot or its chain as described.
+        joints: Configurations, shape (m, n) [rad or m].
+        measured: Poses, points, distances or a plane that were measured there.
+        link: Link that is measured; the tip where none is named.
+        unknown: "frame" where it is not known how the robot stands in the frame of measurement,
+            "tip" where it is not known how the point measured is fixed to the link.
+        tolerance: Standard deviations of the arm's making [m], [rad].
+
+    Raises:
+        InvalidLinkName: No such link.
+        InvalidRobotState: Configurations have the wrong length or are not finite.
+        InvalidOption: Measurements are malformed, of several kinds, or too few.
+    """
+    return calibration.calibrate(
+        chain_of(robot), joints, measured, link=link, unknown=unknown, tolerance=tolerance
+    )
 
 
 @typed

@@ -3,6 +3,7 @@
 from armwright.checker import Checker as Checker
 from armwright.model import Dynamics as Dynamics
 from armwright.model import Equations as Equations
+from armwright.model import calibrate as calibrate
 from armwright.model import dynamics as dynamics
 from armwright.model import equations as equations
 from armwright.model import fk as fk
@@ -21,9 +22,12 @@ from armwright.motion import retime_states as retime_states
 from armwright.motion import stop as stop
 from armwright.notebook import Page as Page
 from armwright.notebook import view as view
+from armwright.recordings import read_recording as read_recording
 from armwright.robot import load_robot as load_robot
 from dynamics.identification.identify import Identification as Identification
 from dynamics.identification.log import Log as Log
+from kinematics.calibration.calibrate import Calibration as Calibration
+from kinematics.calibration.calibrate import Measured as Measured
 from kinematics.errors import ArmwrightError as ArmwrightError
 from kinematics.ik.solution import IkResult as IkResult
 from kinematics.ik.solution import IkSolution as IkSolution

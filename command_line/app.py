@@ -9,7 +9,7 @@ from command_line.commands.bench import bench
 from command_line.commands.doctor import doctor
 from command_line.commands.files import export, project, sweep
 from command_line.commands.formulas import equations, jacobian, pose
-from command_line.commands.identify import fit, identify
+from command_line.commands.identify import calibrate, excite, fit, identify
 from command_line.commands.kinematics import fk, ik, reach
 from command_line.commands.motions import (
     check,
@@ -50,7 +50,9 @@ _COMMANDS: tuple[Callable[..., None], ...] = (
     retime,
     simulate,
     reach,
+    excite,
     identify,
+    calibrate,
     fit,
     task,
     tour,

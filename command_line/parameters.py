@@ -101,6 +101,16 @@ Tip = Annotated[
 ]
 
 
+class Recorded(NamedTuple):
+    """Motion of a recording that is meant, where it holds several."""
+
+    topic: Annotated[str | None, typer.Option(help="Topic of a rosbag or MCAP file.")] = None
+    prefix: Annotated[str | None, typer.Option(help="Text before the joints' names there.")] = None
+    span: Annotated[
+        str | None, typer.Option(help="First and last instant between commas, 0 being the first.")
+    ] = None
+
+
 class Mounted(NamedTuple):
     """The tool that the robot works with."""
 

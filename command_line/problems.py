@@ -113,11 +113,12 @@ def invalid_value(name: str, detail: str, hint: str | None = None) -> ProblemErr
     """The problem of an option or file that can't be read.
 
     Args:
-        name: The option or the path.
+        name: The option or the path; empty where the detail names it.
         detail: Description of the fault.
         hint: Remedy.
     """
-    return ProblemError("VALIDATION_ERROR", f"{name}: {detail}", hint=hint, stage=_INSTANCE)
+    told = f"{name}: {detail}" if name else detail
+    return ProblemError("VALIDATION_ERROR", told, hint=hint, stage=_INSTANCE)
 
 
 @contextmanager

@@ -166,7 +166,7 @@ def described(read: Callable[P, A], *args: P.args, **kwargs: P.kwargs) -> A:
         return read(*args, **kwargs)
     except InvalidArgument as error:
         detail = str(error).removesuffix(f". {error.hint}")
-        raise invalid_value("description", detail, error.hint) from None
+        raise invalid_value("", detail, error.hint) from None
 
 
 def xacro_arguments(pairs: Sequence[str]) -> dict[str, str]:

@@ -1,12 +1,13 @@
 """Values of options: configurations, poses, goals, scenes and motions."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from armwright_client.recordings.recording import Recording, read_recording
 from armwright_client.robots.sources import is_mjcf
-from command_line.parameters import Cell, Mounted
+from command_line.parameters import Cell, Mounted, Recorded
 from command_line.problems import invalid_value
 from command_line.robot_files import STANDARD_INPUT, described, read_any, read_json
 
@@ -152,6 +153,30 @@ def cell(given: Cell) -> dict[str, Any]:
         ProblemError: A file is not there or is not JSON.
     """
     return mounted(given) | {"scene": scene(given.scene), "margin": given.margin}
+
+
+def recording(
+    path: Path, joints: Sequence[str], which: Recorded, tip: str | None = None
+) -> Recording:
+    """The recorded motion of a file.
+
+    Args:
+        path: CSV, JSON, YAML, MCAP file or rosbag.
+        joints: Names of the robot's joints.
+        which: Motion of several that is meant.
+        tip: Topic of measurements of the tip.
+
+    Raises:
+        ProblemError: It holds none, or several, or an option is malformed.
+    """
+    span = None
+    if which.span is not None:
+        ends = _numbers(which.span) or []
+        if len(ends) != 2:
+            raise invalid_value("--span", f"{which.span!r} are no two numbers", "Give 2.5,18.")
+        span = (ends[0], ends[1])
+    among = {"topic": which.topic, "prefix": which.prefix, "tip": tip}
+    return described(read_recording, path, joints, **among, span=span)
 
 
 def motion(path: Path) -> dict[str, Any]:

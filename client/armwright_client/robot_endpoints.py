@@ -354,7 +354,10 @@ class RobotEndpoints:
 
     @Endpoint
     def identify(
-        self, robot: str, logs: Sequence[LogBody], **options: Unpack[IdentifyOptions]
+        self,
+        robot: str,
+        logs: Sequence[LogBody | Mapping[str, object]],
+        **options: Unpack[IdentifyOptions],
     ) -> Call[IdentifyAnswer]:
         """Bodies and drives of a robot, or its load, from logs; see `IdentifyOptions`."""
         body = IdentifyRequest.of(logs=list(logs), **options)

@@ -46,6 +46,16 @@ IDENTIFY = Endpoint(
     "robots.identification:IdentifyRequest",
     "identification.task:identify",
 )
+EXCITE = Endpoint(
+    "/v1/robots/{robot}/excitation",
+    "motions.excitation:ExcitationRequest",
+    "identification.task:excitation",
+)
+CALIBRATE = Endpoint(
+    "/v1/robots/{robot}/calibrate",
+    "robots.calibration:CalibrateRequest",
+    "identification.task:calibrate",
+)
 TASK = Endpoint(
     "/v1/tasks", "plans.task:TaskRequest", "tasks.task:plan_sequence", long=True, keepable=True
 )

@@ -1,112 +1,86 @@
-"""The commands ``armwright identify`` and ``armwright fit``, and files of recorded motions."""
+"""Commands that learn from recordings: ``identify``, ``excite``, ``calibrate`` and ``fit``."""
 
-import csv
 import json
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
 from command_line import values
 from command_line.backends.backend import connect
-from command_line.backends.endpoints import FIT, IDENTIFY
+from command_line.backends.endpoints import CALIBRATE, EXCITE, FIT, IDENTIFY
 from command_line.commands.motions import ask, show_certificate
-from command_line.output import print_line, print_table
-from command_line.parameters import Connection, Mounted, Request, RobotSource, command
-from command_line.problems import invalid_value
-from command_line.robot_files import read_json
-
-#: Kinds of columns of a table, before the name of a joint, and the fields of a log that they are.
-_COLUMNS = {
-    "position": "positions",
-    "velocity": "velocities",
-    "acceleration": "accelerations",
-    "torque": "torques",
-    "effort": "torques",
-    "current": "currents",
-}
-#: Fields of the points of a JointTrajectory, and the fields of a log that they are.
-_POINTS = {"positions": "positions", "velocities": "velocities", "effort": "torques"}
-_HINT = (
-    "Give a CSV with the columns time and position.JOINT, torque.JOINT and so on, "
-    "a trajectory_msgs/JointTrajectory as JSON, or a log as the API has it."
+from command_line.output import print_line, print_notes, print_table
+from command_line.parameters import (
+    Cell,
+    Connection,
+    Mounted,
+    Recorded,
+    Request,
+    RobotSource,
+    command,
 )
+from command_line.robot_files import described, read_json
+
+Link = Annotated[str | None, typer.Option(help="The link that is meant; the tip if left out.")]
 
 
-def read_log(path: Path, joints: Sequence[str]) -> dict[str, Any]:
-    """The log of a file, its columns in the order of a robot's joints.
+class Sought(NamedTuple):
+    """What is to be found from logs."""
 
-    Args:
-        path: A CSV or JSON file.
-        joints: Names of the robot's joints.
-
-    Raises:
-        ProblemError: The file is not readable, or holds no log of these joints.
-    """
-    if path.suffix.lower() == ".csv":
-        return _table(path, joints)
-    document = read_json(path)
-    return _message(path, document, joints) if "points" in document else document
+    payload: Annotated[bool, typer.Option(help="Find the load that the robot carries.")] = False
+    link: Link = None
+    cutoff: Annotated[float | None, typer.Option(help="Cutoff of the filter [Hz].")] = None
+    gains: Annotated[
+        str | None, typer.Option(help="Torque of each joint for one ampere, between commas.")
+    ] = None
 
 
-def _table(path: Path, joints: Sequence[str]) -> dict[str, Any]:
-    try:
-        lines = [line for line in path.read_text("utf-8").splitlines() if line[:1] != "#"]
-        header, *rows = [row for row in csv.reader(lines) if row]
-        columns = dict(
-            zip(header, zip(*(map(float, row) for row in rows), strict=True), strict=True)
-        )
-    except (OSError, ValueError) as error:
-        raise invalid_value(str(path), f"it is no table: {error}", _HINT) from None
-    log: dict[str, Any] = {"times": list(columns["time"])} if "time" in columns else {}
-    for kind, field in _COLUMNS.items():
-        names = [f"{kind}.{joint}" for joint in joints]
-        found = [name for name in names if name in columns]
-        if found and found != names:
-            missing = ", ".join(name for name in names if name not in columns)
-            raise invalid_value(str(path), f"columns are missing: {missing}", _HINT)
-        if found:
-            log[field] = [list(row) for row in zip(*(columns[name] for name in names), strict=True)]
-    if "positions" not in log:
-        raise invalid_value(str(path), f"there are no columns position.{joints[0]}, ...", _HINT)
-    return log
+class Measurements(NamedTuple):
+    """What was measured, and what of it is not known."""
+
+    tip: Annotated[str | None, typer.Option(help="Topic of measurements in a rosbag.")] = None
+    anchor: Annotated[str | None, typer.Option(help="Point that distances are from [m].")] = None
+    unknown: Annotated[
+        str | None, typer.Option(help="frame, tip or both: where those stand is sought too.")
+    ] = None
+    link: Link = None
 
 
-def _message(path: Path, document: dict[str, Any], joints: Sequence[str]) -> dict[str, Any]:
-    names, points = document.get("joint_names", list(joints)), document["points"]
-    if not set(joints) <= set(names):
-        raise invalid_value(str(path), f"its joints are {', '.join(names)}", _HINT)
-    order = [names.index(joint) for joint in joints]
-    stamps = [point["time_from_start"] for point in points]
-    log = {"times": [stamp["sec"] + 1e-9 * stamp["nanosec"] for stamp in stamps]}
-    for given, field in _POINTS.items():
-        if all(point.get(given) for point in points):
-            log[field] = [[point[given][i] for i in order] for point in points]
-    return log
+def _joints(connection: Connection, robot: RobotSource) -> list[str]:
+    with connect(connection) as backend:
+        names: list[str] = backend.robot_model(backend.robot_name(robot))["joint_names"]
+    return names
 
 
 @command
 def identify(
     connection: Connection,
     robot: RobotSource,
-    logs: Annotated[list[Path], typer.Argument(help="CSV or JSON files of motions and torques.")],
+    logs: Annotated[
+        list[Path], typer.Argument(help="Motions with torques: CSV, JSON, YAML, MCAP or rosbags.")
+    ],
     request: Request,
     mounted: Mounted,
-    payload: Annotated[bool, typer.Option(help="Find the load that the robot carries.")] = False,
-    link: Annotated[
-        str | None, typer.Option(help="The link that carries it; the tip if left out.")
-    ] = None,
-    cutoff: Annotated[float | None, typer.Option(help="Cutoff of the filter [Hz].")] = None,
+    recorded: Recorded,
+    sought: Sought,
 ) -> None:
     """Find inertias and frictions of a robot, or its load, from logs."""
-    with connect(connection) as backend:
-        joints = backend.robot_model(backend.robot_name(robot))["joint_names"]
+    joints, notes = _joints(connection, robot), list[str]()
+    gains = None if sought.gains is None else values.read_value("--gains", sought.gains)
+    bodies: list[dict[str, Any]] = []
+    for path in logs:
+        document = read_json(path) if path.suffix == ".json" else {}
+        if "positions" not in document:
+            found = values.recording(path, joints, recorded)
+            notes += found.notes
+            document = described(found.log, gains)
+        bodies.append(document)
     body: dict[str, Any] = values.mounted(mounted) | {
-        "logs": [read_log(path, joints) for path in logs],
-        "find": "payload" if payload else "robot",
-        "link": link,
-        "cutoff": cutoff,
+        "logs": bodies,
+        "find": "payload" if sought.payload else "robot",
+        "link": sought.link,
+        "cutoff": sought.cutoff,
     }
     answer = json.loads(ask(connection, IDENTIFY, robot, request, body))
     if connection.as_json:
@@ -119,26 +93,92 @@ def identify(
     print_table("Torques [N m or N]", ("joint", "torque", "residual", "of bodies"), rows)
     for line in answer["not_excited"]:
         print_line(f"not excited: {line}", "yellow")
-    for note in answer["notes"]:
-        print_line(f"note: {note}", "yellow")
+    print_notes([*notes, *answer["notes"]])
     if answer["payload"] is not None:
         print_line(f"payload {json.dumps(answer['payload'])}")
+
+
+@command
+def excite(
+    connection: Connection,
+    robot: RobotSource,
+    request: Request,
+    cell: Cell,
+    start: Annotated[
+        str | None, typer.Option(help="Where it begins and ends; the middle of the limits.")
+    ] = None,
+    period: Annotated[float | None, typer.Option(help="Duration of the motion [s].")] = None,
+    evaluations: Annotated[int | None, typer.Option(help="Motions that are tried.")] = None,
+) -> None:
+    """Find a proved motion from whose logs a robot is identified well."""
+    with connect(connection) as backend:
+        states = backend.robot_model(backend.robot_name(robot))["states"]
+    body = values.cell(cell) | {
+        "start": None if start is None else values.configuration("--start", start, states),
+        "period": period,
+        "evaluations": evaluations,
+    }
+    answer = json.loads(ask(connection, EXCITE, robot, request, body))
+    if connection.as_json:
+        return
+    print_line(f"duration {answer['trajectory']['duration']:.4f} s")
+    count = len(answer["base_parameters"])
+    print_line(f"{count} parameters, condition number {answer['condition']:.3g}")
+    show_certificate(answer["certificate"])
+    print_notes(answer["notes"])
+
+
+@command
+def calibrate(
+    connection: Connection,
+    robot: RobotSource,
+    record: Annotated[
+        Path, typer.Argument(help="Configurations with x, y, z, a pose or distance of the tip.")
+    ],
+    request: Request,
+    mounted: Mounted,
+    recorded: Recorded,
+    measured: Measurements,
+) -> None:
+    """Find the frames of a robot's joints as they were made, from measurements of its tip."""
+    found = values.recording(record, _joints(connection, robot), recorded, measured.tip)
+    body: dict[str, Any] = values.mounted(mounted) | {
+        "joints": found.positions,
+        **found.tip,
+        "anchor": measured.anchor and values.read_value("--anchor", measured.anchor),
+        "unknown": values.words(measured.unknown),
+        "link": measured.link,
+    }
+    answer = json.loads(ask(connection, CALIBRATE, robot, request, body))
+    if connection.as_json:
+        return
+    names = ("joint", "parameter", "value", "standard_error")
+    rows = (tuple(each[name] for name in names)
+            for each in answer["corrections"] if each["determined"])  # fmt: skip
+    print_table("Corrections [m or rad]", ("joint", "of", "value", "error"), rows)
+    margins = ((each["joint"], each["calibrated"], each["described"]) for each in answer["margins"])
+    print_table("Margins [m]", ("joint", "calibrated", "as described"), margins)
+    errors = (answer["error_before"], answer["error_after"])
+    print_line(f"errors of {errors[0]:.3g} m before, {errors[1]:.3g} m after")
+    print_notes([*found.notes, *answer.get("notes", ())])
 
 
 @command
 def fit(
     connection: Connection,
     robot: RobotSource,
-    record: Annotated[Path, typer.Argument(help="CSV or JSON file of a recorded motion.")],
+    record: Annotated[
+        Path, typer.Argument(help="Recorded motion: CSV, JSON, YAML, MCAP or rosbag.")
+    ],
     tolerance: Annotated[float, typer.Option(help="How far any joint may be off [rad or m].")],
     request: Request,
     mounted: Mounted,
+    recorded: Recorded,
     rest: Annotated[bool, typer.Option(help="Begin and end without velocity.")] = False,
 ) -> None:
     """Fit few polynomials to a recorded motion, and prove them."""
-    with connect(connection) as backend:
-        log = read_log(record, backend.robot_model(backend.robot_name(robot))["joint_names"])
-    samples = {"time": log.get("times"), "position": log.get("positions")}
+    found = values.recording(record, _joints(connection, robot), recorded)
+    samples = {"time": found.times, "position": found.positions}
     body: dict[str, Any] = values.mounted(mounted) | {
         "samples": samples,
         "tolerance": tolerance,
@@ -151,3 +191,4 @@ def fit(
     print_line(f"{len(trajectory['segments'])} polynomials of {trajectory['duration']:.4f} s")
     print_line(f"at most {answer['deviation']:.3g} rad or m from the record at every instant")
     show_certificate(answer["certificate"])
+    print_notes(found.notes)

@@ -2,9 +2,9 @@
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -21,9 +21,18 @@ from command_line.backends.endpoints import (
 )
 from command_line.commands.kinematics import Joints
 from command_line.output import print_json, print_line, print_notes, print_table, save, word
-from command_line.parameters import Cell, Connection, Mounted, Request, RobotSource, Scene, command
+from command_line.parameters import (
+    Cell,
+    Connection,
+    Mounted,
+    Recorded,
+    Request,
+    RobotSource,
+    Scene,
+    command,
+)
 from command_line.problems import negative
-from command_line.robot_files import read_json
+from command_line.robot_files import STANDARD_INPUT, read_json
 from service.viewer.words import against, allowed_sentences, stops_sentences
 
 #: Poles of the error dynamics at 20 rad/s, critically damped: a tenth of a second to settle.
@@ -217,34 +226,47 @@ def show_certificate(certificate: dict[str, Any]) -> None:
         print_table("First violation", ("field", "value"), rows)
 
 
+class Timed(NamedTuple):
+    """How a path is timed."""
+
+    method: Annotated[
+        str | None, typer.Option(help="jerk_limited, toppra or spline; left out: bounded jerk.")
+    ] = None
+    scaling: Annotated[
+        float, typer.Option(help="Share of the velocity limits that is used.", min=0.001, max=1.0)
+    ] = 1.0
+    tolerance: Annotated[
+        float | None, typer.Option(help="How far any joint may be off the path [rad or m].")
+    ] = None
+
+
 @command
 def retime(
     connection: Connection,
     robot: RobotSource,
     path: Annotated[
-        Path, typer.Argument(help='JSON file with {"joints": [[...], ...]}, or a plan.')
+        Path, typer.Argument(help='JSON with {"joints": [[...], ...]}, a plan, or a recording.')
     ],
     request: Request,
     mounted: Mounted,
-    method: Annotated[
-        str | None, typer.Option(help="jerk_limited, toppra or spline; left out: bounded jerk.")
-    ] = None,
-    scaling: Annotated[
-        float, typer.Option(help="Share of the velocity limits that is used.", min=0.001, max=1.0)
-    ] = 1.0,
-    tolerance: Annotated[
-        float | None, typer.Option(help="How far any joint may be off the path [rad or m].")
-    ] = None,
+    recorded: Recorded,
+    timed: Timed,
     stops: Annotated[
         str | None, typer.Option(help="path: bound the longest stop along the path too.")
     ] = None,
 ) -> None:
     """Time a path of waypoints within the robot's limits; collisions are not looked at."""
-    document = read_json(path)
+    document = read_json(path) if path.suffix == ".json" or str(path) == STANDARD_INPUT else {}
     waypoints = {"joints": document["path"]["joints"]} if "path" in document else document
-    if tolerance is not None:
-        waypoints = waypoints | {"tolerance": tolerance}
-    timing = {"method": method, "velocity_scaling": scaling}
+    notes: Sequence[str] = ()
+    if "joints" not in waypoints:
+        with connect(connection) as backend:
+            joints = backend.robot_model(backend.robot_name(robot))["joint_names"]
+        found = values.recording(path, joints, recorded)
+        waypoints, notes = {"joints": found.positions}, found.notes
+    if timed.tolerance is not None:
+        waypoints = waypoints | {"tolerance": timed.tolerance}
+    timing = {"method": timed.method, "velocity_scaling": timed.scaling}
     body = values.mounted(mounted) | {"path": waypoints, "timing": timing, "stops": stops}
     answer = json.loads(ask(connection, RETIME, robot, request, body))
     if connection.as_json:
@@ -252,7 +274,7 @@ def retime(
     print_line(f"duration {answer['trajectory']['duration']:.4f} s")
     show_certificate(answer["certificate"])
     print_table("Largest values of each joint", ("of", "joints"), answer["peaks"].items())
-    print_notes(answer["notes"])
+    print_notes([*notes, *answer["notes"]])
 
 
 @command

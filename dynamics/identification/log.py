@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
@@ -22,6 +23,11 @@ _JITTER = 1e-3
 _SPOILED = 2.0
 #: Fewest instants that are filtered and differentiated.
 _FEWEST = 30
+#: Positions so many ranges of their limits off, torques so many times theirs, and positions that
+#: move by another multiple of what velocities say are in other units.
+_RANGES, _EFFORTS, _SPEEDS = 1.0, 20.0, (0.5, 2.0)
+#: Longest time without instants, over which values are interpolated [s], or so many periods.
+_GAP, _GAPS = 0.05, 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,11 +108,15 @@ def read_log(chain: Chain, log: Log, cutoff: float | None = None) -> Samples:
                 hint="Give one row of each for every instant.",
             )
     qd, qdd, tau = given["velocities"], given["accelerations"], given["torques"]
-    assert tau is not None
+    if tau is None:
+        raise InvalidOption("a log has no torques", hint="Give one row of them for every instant.")
+    _check_sizes(chain, q, tau)
     if log.times is None:
         zero = np.zeros_like(q)
         return Samples(q, zero if qd is None else qd, zero if qdd is None else qdd, tau)
     times = _instants(log.times, len(q))
+    if qd is not None:
+        _check_speeds(times, q, qd)
     columns, period = _regular(times, [q, tau, *(x for x in (qd, qdd) if x is not None)])
     q, tau = columns[:2]
     qd = None if qd is None else columns[2]
@@ -116,6 +126,40 @@ def read_log(chain: Chain, log: Log, cutoff: float | None = None) -> Samples:
         return known
     known = replace(known, cutoff=_checked_cutoff(cutoff, period, len(q)))
     return _differentiated(known, qd is None, qdd is None)
+
+
+def _check_sizes(chain: Chain, q: Array, tau: Array) -> None:
+    """Refuse positions and torques that are in other units."""
+    limits = chain.limits
+    width = limits.upper - limits.lower
+    off = np.maximum(q - limits.upper, limits.lower - q).max(axis=0)
+    largest = np.abs(tau).max(axis=0)
+    far = np.isfinite(width) & (off > _RANGES * width)
+    strong = (limits.effort > 0.0) & (largest > _EFFORTS * limits.effort)
+    for name, wrong, value, unit in (
+        ("positions", far, np.abs(q).max(axis=0), "rad or m"),
+        ("torques", strong, largest, "N m or N; currents are given as such, with gains"),
+    ):
+        if wrong.any():
+            i = int(np.flatnonzero(wrong)[0])
+            raise InvalidOption(
+                f"{name} of joint {chain.joint_names[i]} are as large as {value[i]:.4g}, far "
+                "beyond its limits",
+                hint=f"Give them in {unit}.",
+            )
+
+
+def _check_speeds(times: Array, q: Array, qd: Array) -> None:
+    """Refuse velocities or times that do not go with the positions."""
+    moved = cumulative_trapezoid(qd, times, axis=0, initial=0)
+    square = float(np.sum(moved**2))
+    share = float(np.sum(moved * (q - q[0]))) / max(square, 1e-300)
+    least, most = _SPEEDS
+    if square > 1e-2 * len(q) and not least < share < most:
+        raise InvalidOption(
+            f"positions of a log move {share:.3g} times as far as its velocities say",
+            hint="Look at units and at the times, which are in seconds; or leave velocities out.",
+        )
 
 
 def _differentiated(known: Samples, needs_qd: bool, needs_qdd: bool) -> Samples:
@@ -155,6 +199,13 @@ def _regular(times: Array, columns: list[Array]) -> tuple[list[Array], float]:
     grid = times[0] + period * np.arange(len(times))
     if np.abs(times - grid).max() <= _JITTER * period:
         return columns, period
+    gaps = np.diff(times)
+    longest = int(gaps.argmax())
+    if gaps[longest] > max(_GAP, _GAPS * period):
+        raise InvalidOption(
+            f"a log has no instants from {times[longest]:.6g} to {times[longest + 1]:.6g} s",
+            hint="Give what was before and after as logs of their own.",
+        )
     inside = np.clip(grid, times[0], times[-1])
     return [make_interp_spline(times, rows, k=3)(inside) for rows in columns], period
 

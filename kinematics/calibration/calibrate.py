@@ -112,7 +112,7 @@ def calibrate(
         InvalidRobotState: Configurations have the wrong length or are not finite.
         InvalidOption: Measurements are malformed, of several kinds, or too few.
     """
-    q = chain.configuration(joints).reshape(-1, chain.n)
+    q = np.atleast_2d(chain.configuration(joints))
     _check(measured, len(q), tolerance)
     tip = chain.link(link or chain.tip_link)
     if not 0 <= tip.joint < chain.n:

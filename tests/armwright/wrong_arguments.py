@@ -64,6 +64,10 @@ OWN: dict[str, dict[str, Any]] = {
         "waypoints": np.stack([Q, GOAL, Q]), "reaches": np.full(1, 0.01), "halvings": 1,
         "keep": False, "smooth": True,
     },
+    "calibrate": {
+        "joints": WAVES, "measured": aw.Measured(points=aw.fk(ROBOT, WAVES, "link_2")[:, :3, 3]),
+        "tolerance": (1e-3, 1e-3),
+    },
     "certify_stops": {"plan": PLAN},
     "export": {"options": aw.ExportOptions(aw.ExportFormat.CSV)},
     "fit_motion": {"times": TIMES, "positions": WAVES, "joint_names": CHAIN.joint_names},
@@ -89,7 +93,7 @@ CLASSES = (
 #: Functions that nothing wrong is given to: what they take is tested where it is read.
 ELSEWHERE = {
     "jaw_span", "builtin_names", "export_program", "load_robot", "plan_task", "plan_tour",
-    "plan_work", "program_parts", "with_fingers",
+    "plan_work", "program_parts", "read_recording", "with_fingers",
 }  # fmt: skip
 #: Arguments of which arrays of other lengths or dimensions are right as well.
 ANY_SHAPE = {

@@ -7,9 +7,12 @@ import numpy as np
 
 from dynamics.inverse import inverse_dynamics
 from dynamics.model.payload import with_payload
+from kinematics.calibration.calibrate import poses_of, with_corrections
+from kinematics.forward import forward
 from kinematics.robots import builtin_chain
+from tests.client.test_recordings import State, bag2
 from tests.command_line.commands import Run
-from tests.dynamics.identification.logs import real_arm, table
+from tests.dynamics.identification.logs import exciting, real_arm, table
 
 CHAIN = builtin_chain("planar_rr")
 
@@ -29,7 +32,7 @@ def test_a_table_of_a_motion_gives_the_bodies_of_a_robot(run: Run, tmp_path: Pat
     path.write_text("time,position.joint_1\n0.0,1.0")
     refused = run("identify", "planar_rr", str(path))
     assert refused.code == 3
-    assert "missing: position.joint_2" in refused.err
+    assert "no positions of joint_1, joint_2; there are those of joint_1" in refused.err
 
 
 def test_messages_of_poses_give_a_load(run: Run, tmp_path: Path) -> None:
@@ -67,3 +70,75 @@ def test_a_recorded_motion_becomes_few_polynomials(run: Run, tmp_path: Path) -> 
     assert len(run(*words, "--json").json["trajectory"]["segments"]) < 400
     again = run("convert", str(file), "--format", "joint_trajectory")
     assert again.code == 0, again.err
+
+
+def test_a_rosbag_is_read_by_all_commands_that_take_recordings(run: Run, tmp_path: Path) -> None:
+    truth = real_arm(CHAIN, 1)
+    t, q, qd, qdd = exciting(CHAIN, 1, 0.01)
+    tau = truth.torques(q, qd, qdd)
+    names = [f"arm/{name}" for name in CHAIN.joint_names]
+    rows: list[State] = list(zip(t.tolist(), [names] * len(t), q, tau, strict=True))
+    path = str(bag2(tmp_path / "bag", {"/joint_states": rows}))
+    told = run("identify", "planar_rr", path, "--span", "1,15")
+    assert told.code == 0, told.err
+    assert "joints are called arm/joint_1" in told.out
+    found = run("identify", "planar_rr", path, "--prefix", "arm/", "--json").json
+    friction = found["inertias"]["viscous_friction"]
+    np.testing.assert_allclose(friction, truth.chain.viscous_friction, atol=0.05)
+    fitted = run("fit", "planar_rr", path, "--tolerance", "0.002", "--span", "0,5")
+    assert "polynomials of 5.0" in fitted.out, fitted.err
+    timed = run("retime", "planar_rr", path, "--tolerance", "0.002", "--span", "0,5")
+    assert "joints are called arm/joint_1" in timed.out, timed.err
+    refused = run("retime", "planar_rr", path, "--span", "0")
+    assert "--span: '0' are no two numbers" in refused.err
+    other = run("identify", "ur5e", path)
+    assert other.code == 3
+    assert other.err.splitlines()[1].startswith(f"{path}: there are no positions of shoulder_pan")
+
+
+def test_a_motion_is_found_to_identify_an_arm_by(run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "motion.json"
+    words = ("--start", "0.1,0.5", "--period", "5", "--evaluations", "50", "-o", str(file))
+    told = run("excite", "planar_rr", *words)
+    assert told.code == 0, told.err
+    assert "duration 5.0000 s" in told.out
+    assert "condition number" in told.out
+    assert "proved" in told.out
+    again = run("convert", str(file), "--format", "csv", "--sample-period", "0.01")
+    log = tmp_path / "motion.csv"
+    log.write_text(again.out)
+    fitted = run("fit", "planar_rr", str(log), "--tolerance", "0.001")
+    assert "polynomials of 5.0000 s" in fitted.out, fitted.err
+    refused = run("identify", "planar_rr", str(log))
+    assert "neither torques nor currents" in refused.err
+
+
+def test_tables_of_measurements_give_the_frames_of_joints(run: Run, tmp_path: Path) -> None:
+    chain = builtin_chain("ur5e")
+    rng = np.random.default_rng(0)
+    made = poses_of(1e-3 * rng.standard_normal((6, 6)))
+    truth = with_corrections(chain, dict(zip(chain.joint_names, made, strict=True)))
+    q = rng.uniform(-2.0, 2.0, (60, 6))
+    p = forward(truth, q)[:, :3, 3] + 5e-5 * rng.standard_normal((60, 3))
+    joints = [f"position.{name} [deg]" for name in chain.joint_names]
+    path = tmp_path / "measured.csv"
+
+    def write(header: list[str], rows: np.ndarray) -> None:
+        lines = [",".join(map(repr, row)) for row in rows.tolist()]
+        path.write_text("\n".join([",".join([*joints, *header]), *lines]))
+
+    write(["x [mm]", "y [mm]", "z [mm]"], np.column_stack([np.degrees(q), 1e3 * p]))
+    told = run("calibrate", "ur5e", str(path))
+    assert told.code == 0, told.err
+    assert "Margins" in told.out
+    found = run("calibrate", "ur5e", str(path), "--json").json
+    assert found["error_after"] < 1e-4
+    assert found["error_before"] > 1e-3
+    away = np.linalg.norm(p - [1.0, 0.0, 0.0], axis=1)
+    write(["distance [m]"], np.column_stack([np.degrees(q), away]))
+    of_distances = run("calibrate", "ur5e", str(path), "--anchor", "1,0,0", "--json").json
+    assert of_distances["error_after"] < 1e-4
+    refused = run("calibrate", "ur5e", str(path))
+    assert "distances and anchor belong together" in refused.err
+    write(["distance"], np.column_stack([np.degrees(q), away]))
+    assert "states no unit" in run("calibrate", "ur5e", str(path)).err

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, kstest
 
 import armwright as aw
 from dynamics.identification.consistent import pseudo_inertia
@@ -51,6 +52,23 @@ def is_physical(chain: Chain) -> bool:
     bodies = standard_parameters(chain, motors=False).reshape(-1, 10)
     drives = (chain.motor_inertia, chain.viscous_friction, chain.coulomb_friction)
     return bool((np.linalg.eigvalsh(pseudo_inertia(bodies)) > 0.0).all() and np.min(drives) >= 0.0)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_parameters_of_each_arm_are_within_three_standard_errors(name: str) -> None:
+    chain = chain_of(name)
+    errors, chances = [], []
+    for seed in range(16):
+        truth = real_arm(chain, seed)
+        found = identify(chain, noisy_log(truth, seed))
+        errors.append(errors_of(found, truth))
+        off = errors[-1][0] * np.sqrt(np.diag(found.covariance))
+        square = off @ np.linalg.solve(found.covariance, off)
+        chances.append(chi2.sf(square, len(off)))
+    for z in np.moveaxis(np.array(errors), 1, 0):  # of one log one in 70 would be 98.6 %
+        assert (np.abs(z) <= 3.0).mean() >= 0.99
+        assert 0.8 < np.sqrt(np.mean(z**2)) < 1.2
+    assert kstest(chances, "uniform").pvalue > 1e-3
 
 
 @pytest.mark.parametrize("motion", [{}, {"encoder": 2e-5, "period": 1e-3}])
@@ -206,11 +224,30 @@ def test_torques_that_no_bodies_explain_are_told() -> None:
         (Log(np.zeros((9, 2)), np.zeros((9, 2)), 0.01), "9 instants"),
         (Log(np.zeros((90, 2)), np.zeros((90, 2)), -0.01), "ascending"),
         (Log(np.zeros((90, 2)), np.zeros((90, 2)), 0.001), "too short"),
+        (Log(np.zeros((9, 2)), None), "no torques"),  # type: ignore[arg-type]
+        (Log(np.full((9, 2), 90.0), np.zeros((9, 2))), "positions of joint joint_1 are as large"),
+        (Log(np.zeros((9, 2)), np.full((9, 2), 1e5)), "torques of joint joint_1 are as large"),
     ],
 )
 def test_odd_logs_are_refused(log: Log, about: str) -> None:
     with pytest.raises(InvalidOption, match=about):
         identify(chain_of("planar_rr"), log)
+
+
+def test_logs_in_units_that_do_not_go_together_or_with_gaps_are_refused() -> None:
+    chain = chain_of("planar_rr")
+    truth = real_arm(chain, 1)
+    t, q, qd, qdd = exciting(chain, 1, 0.01)
+    tau = truth.torques(q, qd, qdd)
+    assert identify(chain, Log(q, tau, t, qd)).samples > 100
+    for times, rates, words in (
+        (1e3 * t, qd, "move 0.001 times as far"),
+        (t, np.degrees(qd), "move 0.0175 times as far"),
+        (np.where(t > 5.0, t + 0.2, t), None, "no instants from 5 to 5.21 s"),
+        (np.where(t > 5.0, t + 0.2, t), qd, "no instants from 5 to 5.21 s"),
+    ):
+        with pytest.raises(InvalidOption, match=words):
+            identify(chain, Log(q, tau, times, rates))
 
 
 def test_a_load_hangs_on_a_link_that_moves() -> None:
