@@ -151,7 +151,10 @@ def calibrate(
             hint="Look at units, the order of joints, the link and the frame that are measured; or "
             "give a larger tolerance.",
         )
-    covariance = np.linalg.inv(full.T @ full)
+    # Rows are in units of noise, which exact measurements have nearly none of.
+    size = spread.ravel()
+    inverse = size[:, None] * np.linalg.pinv(full * size, rcond=0.0)
+    covariance = inverse @ inverse.T
     errors = np.sqrt(np.diag(covariance)).reshape(spread.shape)
     X = x.reshape(spread.shape)
     offsets = chain.offsets @ poses_of(X[: chain.n])
@@ -203,7 +206,8 @@ def margins(chain: Chain, found: Calibration, reaches: Array) -> tuple[Array, Ar
     q = np.concatenate([found.joints, rng.uniform(*chain.sampling_bounds(),
                                                   (_CONFIGURATIONS, chain.n))])  # fmt: skip
     own = SIX * chain.n
-    root = np.linalg.cholesky(found.covariance[:own, :own])
+    squares, axes = np.linalg.eigh(found.covariance[:own, :own])
+    root = axes * np.sqrt(np.maximum(squares, 0.0))
     best = found.corrections[: chain.n]
     at = _bodies(chain, q, best)
     square = np.zeros((len(q), chain.n))

@@ -154,3 +154,19 @@ def test_odd_measurements_are_refused() -> None:
         rows = q[:1] if "more" in about else q
         with pytest.raises(InvalidOption, match=about):
             calibrate(chain, rows, given)
+
+
+@pytest.mark.parametrize("unknown", [(), ("frame",), ("tip",), ("frame", "tip")])
+@pytest.mark.parametrize("kind", ["poses", "points"])
+def test_exact_measurements_leave_errors_of_what_they_do_not_determine(
+    kind: str, unknown: Any
+) -> None:
+    chain, rng = builtin_chain("ur5e"), np.random.default_rng(0)
+    q = configurations(chain, rng, 60)
+    exact = measured(kind, forward(chain, q), rng, 0.0)
+    found = calibrate(chain, q, exact, unknown=unknown)
+    assert found.after < 1e-8
+    assert (np.linalg.eigvalsh(found.covariance) >= -1e-12).all()
+    sure, described = margins(chain, found, np.full(6, 0.3))
+    assert (sure > 1e-4).any()  # the frame of the base, for instance, is one with the first joint's
+    np.testing.assert_allclose(described, sure, atol=1e-4)
