@@ -9,9 +9,11 @@ import zipfile
 from contextlib import ExitStack, redirect_stdout
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from command_line.main import main
+from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from tests.dynamics.identification.logs import real_arm, table
 from tests.service.conftest import Served
@@ -68,6 +70,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     assert scene is not None
     (tmp_path / "post.json").write_text(scene[1])
     (tmp_path / "log.csv").write_text(table(real_arm(builtin_chain("planar_rr"), 0), 0, 0.1))
+    chain = builtin_chain("ur5e")
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (60, chain.n))
+    columns = [*(f"position.{name}" for name in chain.joint_names), "x [m]", "y [m]", "z [m]"]
+    measured = np.column_stack([q, forward(chain, q)[:, :3, 3]])
+    np.savetxt(
+        tmp_path / "measured.csv", measured, delimiter=",", header=",".join(columns), comments=""
+    )
     with zipfile.ZipFile(tmp_path / "my_arm.zip", "w") as archive:
         archive.writestr("arm.urdf", urdf("box.obj"))
         archive.writestr(
