@@ -17,7 +17,6 @@ from armwright_client.robots.urdf import MAX_VISUAL_BYTES, read_urdf
 from command_line.parameters import RobotSource
 from command_line.problems import invalid_value
 from command_line.robot_files import described, options, xacro_arguments
-from service.settings import Settings
 
 _INSTALL = 'pip install -e ".[descriptions]", or give the folder or file of a description.'
 #: Endings of names in robot_descriptions: URDF first, then models of MuJoCo.
@@ -49,6 +48,8 @@ class Found(NamedTuple):
 
 def folder() -> Path:
     """The folder of the robots that were added on this machine."""
+    from service.settings import Settings  # noqa: PLC0415  long, and not for built-in robots
+
     return Settings().data_dir / "robots"
 
 

@@ -1,29 +1,11 @@
 """The commands that typer parses: all but those of the server."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from importlib import import_module
 from typing import Annotated
 
 import typer
 
-from command_line.commands.bench import bench
-from command_line.commands.doctor import doctor
-from command_line.commands.files import export, project, sweep
-from command_line.commands.formulas import equations, jacobian, pose
-from command_line.commands.identify import calibrate, excite, fit, identify
-from command_line.commands.kinematics import fk, ik, reach
-from command_line.commands.motions import (
-    check,
-    convert,
-    plan,
-    retime,
-    simulate,
-    validate,
-    witness,
-)
-from command_line.commands.robots import robots, scenes
-from command_line.commands.studio import mcp, studio
-from command_line.commands.task import task, tour
-from command_line.commands.view import view
 from command_line.output import print_line
 from command_line.problems import ExitCode
 
@@ -37,37 +19,38 @@ _SERVER = {
 }
 #: Every word behind a command of the server is for its own parser.
 _PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
-_COMMANDS: tuple[Callable[..., None], ...] = (
-    plan,
-    ik,
-    fk,
-    jacobian,
-    pose,
-    equations,
-    check,
-    validate,
-    witness,
-    retime,
-    simulate,
-    reach,
-    excite,
-    identify,
-    calibrate,
-    fit,
-    task,
-    tour,
-    project,
-    convert,
-    export,
-    sweep,
-    view,
-    studio,
-    mcp,
-    robots,
-    scenes,
-    bench,
-    doctor,
-)
+#: Modules of the commands, which are imported for the command that runs, in the order of the help.
+_MODULES = {
+    "plan": "motions",
+    "ik": "kinematics",
+    "fk": "kinematics",
+    "jacobian": "formulas",
+    "pose": "formulas",
+    "equations": "formulas",
+    "check": "motions",
+    "validate": "motions",
+    "witness": "motions",
+    "retime": "motions",
+    "simulate": "motions",
+    "reach": "kinematics",
+    "excite": "identify",
+    "identify": "identify",
+    "calibrate": "identify",
+    "fit": "identify",
+    "task": "task",
+    "tour": "task",
+    "project": "files",
+    "convert": "motions",
+    "export": "files",
+    "sweep": "files",
+    "view": "view",
+    "studio": "studio",
+    "mcp": "studio",
+    "robots": "robots",
+    "scenes": "robots",
+    "bench": "bench",
+    "doctor": "doctor",
+}
 
 
 def run(words: Sequence[str]) -> int:
@@ -77,13 +60,13 @@ def run(words: Sequence[str]) -> int:
         words: Arguments of the command line.
     """
     try:
-        _app()(args=list(words), prog_name="armwright")
+        _app(words)(args=list(words), prog_name="armwright")
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else ExitCode.SUCCESS
     return ExitCode.SUCCESS
 
 
-def _app() -> typer.Typer:
+def _app(words: Sequence[str]) -> typer.Typer:
     app = typer.Typer(
         help="Certified motion planning for robot arms.",
         no_args_is_help=True,
@@ -91,8 +74,9 @@ def _app() -> typer.Typer:
         rich_markup_mode=None,
     )
     app.callback()(_options)
-    for function in _COMMANDS:
-        app.command()(function)
+    for name in words[:1] if words and words[0] in _MODULES else _MODULES:
+        module = import_module(f"{__package__}.commands.{_MODULES[name]}")
+        app.command(name)(getattr(module, name))
     for name, text in _SERVER.items():
         app.command(name, help=text, rich_help_panel="Server", context_settings=_PASSED_ON)(_serve)
     return app

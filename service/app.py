@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
+from armwright_wire.base import build_at_once
 from service.access.authentication import Authenticator
 from service.endpoints import routes, scenes, tools
 from service.endpoints.batch import route as batch
@@ -89,6 +90,7 @@ def create_app(
     Raises:
         TelemetryMissing: The settings ask for traces, and the extra `telemetry` is not installed.
     """
+    build_at_once()
     chosen = settings or Settings()
     tracing = tracing or open_tracing(chosen.traces)
     logging.getLogger(__package__).setLevel(chosen.log_level.upper())

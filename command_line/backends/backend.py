@@ -2,10 +2,14 @@
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from command_line.backends.endpoints import Endpoint
 from command_line.parameters import Connection, RobotSource
+
+if TYPE_CHECKING:
+    from command_line.backends.local import LocalBackend
+    from command_line.backends.remote import RemoteBackend
 
 
 class Backend(Protocol):
@@ -49,14 +53,28 @@ def connect(connection: Connection) -> Iterator[Backend]:
     Raises:
         ProblemError: The address or the key of the service is malformed.
     """
-    backend: Backend
-    if connection.url is None:
-        from command_line.backends.local import LocalBackend  # noqa: PLC0415
-
-        backend = LocalBackend()
-    else:
-        from command_line.backends.remote import remote_backend  # noqa: PLC0415
-
-        backend = remote_backend(connection.url, connection.token)
-    with closing(backend):
+    url = connection.url
+    with closing(here() if url is None else at(url, connection.token)) as backend:
         yield backend
+
+
+def here() -> "LocalBackend":
+    """The backend of this process."""
+    from command_line.backends.local import LocalBackend  # noqa: PLC0415  all of planning
+
+    return LocalBackend()
+
+
+def at(url: str, token: str | None) -> "RemoteBackend":
+    """The backend of a service.
+
+    Args:
+        url: Address of the service.
+        token: API key.
+
+    Raises:
+        ProblemError: The address or the key is malformed.
+    """
+    from command_line.backends.remote import remote_backend  # noqa: PLC0415  all of the client
+
+    return remote_backend(url, token)

@@ -28,7 +28,6 @@ from obstacles.collision.kept_robot import keep_robot
 from obstacles.robots.robot_geometry import RobotGeometry
 from planning.values.deadline import Deadline
 from service.problem import ProblemError, from_fields
-from service.settings import Settings
 from service.storage.caches import prepared_files, worker_cache
 from service.storage.caches.cache_key import NotPrepared, Reference, builtin_reference
 from service.storage.caches.mounts import mount_of
@@ -44,6 +43,8 @@ _CACHE_BYTES = 512 * 2**20
 _ATTEMPTS = 2
 #: The name of a scene that is prepared for one command.
 _SCENE = "scene"
+#: Deadline of a request that names none [s]: that of a service without settings.
+DEFAULT_TIMEOUT = 10.0
 #: Scenes that are listed at most.
 _MAX_SCENES = 1_000
 
@@ -240,6 +241,7 @@ class LocalBackend:
 
     def scenes(self) -> list[dict[str, Any]]:
         """Summaries of the scenes in the data folder of this user's service."""
+        from service.settings import Settings  # noqa: PLC0415  long
         from service.storage.store import open_store  # noqa: PLC0415  a database
 
         settings = Settings()
@@ -291,7 +293,7 @@ class LocalBackend:
         mounted = found and replace(found, mount=mount_of(asked, _no_tool))
         given = {"robot": mounted, "scene": scene, "content": json.dumps(body).encode()}
         arguments = [given[name] for name in signature(task.function).parameters if name in given]
-        seconds = body.get("timeout") or Settings.model_fields["default_timeout"].default
+        seconds = body.get("timeout") or DEFAULT_TIMEOUT
         with Console(stderr=True).status("starting") as status:
             current.begin(Deadline.after(seconds), lambda _, stage: status.update(stage))
             try:

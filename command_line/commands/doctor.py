@@ -5,14 +5,16 @@ import platform
 from contextlib import closing
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from packaging.requirements import Requirement
 from rich.console import Console
 
 from command_line.output import print_json, print_table
 from command_line.parameters import Connection, command
 from command_line.problems import CommandProblem, negative
+
+if TYPE_CHECKING:
+    from packaging.requirements import Requirement
 
 #: Where Linux says which processor it runs on.
 _PROCESSORS = Path("/proc/cpuinfo")
@@ -98,7 +100,9 @@ def _packages() -> list[Finding]:
     return findings
 
 
-def _requirements() -> list[Requirement]:
+def _requirements() -> "list[Requirement]":
+    from packaging.requirements import Requirement  # noqa: PLC0415
+
     try:
         declared = [Requirement(text) for text in requires("armwright") or ()]
     except PackageNotFoundError:

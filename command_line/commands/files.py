@@ -10,11 +10,9 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from armwright_wire.motions.trajectory import TrajectoryBody
 from command_line import values
+from command_line.backends.backend import at, here
 from command_line.backends.endpoints import EXPORT
-from command_line.backends.local import LocalBackend
-from command_line.backends.remote import remote_backend
 from command_line.commands.motions import Motion, ask
 from command_line.output import print_json, print_line, print_table, save
 from command_line.parameters import (
@@ -27,7 +25,6 @@ from command_line.parameters import (
     command,
 )
 from command_line.problems import invalid_value, negative
-from service.validation import validate_as
 from service.viewer.words import against
 
 #: Coordinates of a point.
@@ -68,13 +65,13 @@ def project(
 
 def _answer(connection: Connection, scene: dict[str, Any] | str, body: dict[str, Any]) -> bytes:
     if connection.url is not None:
-        with closing(remote_backend(connection.url, connection.token)) as remote:
+        with closing(at(connection.url, connection.token)) as remote:
             return remote.projections(scene, body)
     if isinstance(scene, str):
         raise invalid_value(
             "SCENE", f"there is no scene file {scene!r}", "Names are those of a service (--url)."
         )
-    with closing(LocalBackend()) as backend:
+    with closing(here()) as backend:
         return backend.projections(scene, body)
 
 
@@ -163,15 +160,17 @@ def sweep(
     ] = 0.005,
 ) -> None:
     """Write the space that an arm takes up during a motion, as a mesh that holds all of it."""
+    from armwright_wire.motions.trajectory import TrajectoryBody  # noqa: PLC0415
     from obstacles.meshes.writer import glb, stl  # noqa: PLC0415
     from planning.exports.swept_volume import swept_volume  # noqa: PLC0415
     from service.translate.trajectories import trajectory  # noqa: PLC0415
+    from service.validation import validate_as  # noqa: PLC0415
 
     if connection.url is not None:
         raise invalid_value("--url", "swept volumes are computed here", "Leave it out.")
     if output.suffix not in _MESH_FILES:
         raise invalid_value("--output", f"a file {' or '.join(_MESH_FILES)} is written")
-    with closing(LocalBackend()) as backend:
+    with closing(here()) as backend:
         geometry = backend.geometry(backend.robot_name(robot))
     given = values.motion(motion)
     fields = {name: given[name] for name in ("joint_names", "segments") if name in given}

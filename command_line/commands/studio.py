@@ -14,15 +14,7 @@ from typing import Annotated
 
 import typer
 
-from armwright_client import (
-    ArmwrightError,
-    AsyncClient,
-    Client,
-    ClientOptions,
-    InvalidArgument,
-    NotReady,
-    TransportError,
-)
+import armwright_client
 from command_line.output import print_line
 from command_line.parameters import Connection, command
 from command_line.problems import invalid_value, unreachable
@@ -82,10 +74,10 @@ def mcp(
     _need("mcp")
     from command_line.mcp_server import mcp_server  # noqa: PLC0415
 
-    options: ClientOptions = {} if token is None else {"token": token}
+    options: armwright_client.ClientOptions = {} if token is None else {"token": token}
     try:
-        client = AsyncClient(url, **options)
-    except InvalidArgument as error:
+        client = armwright_client.AsyncClient(url, **options)
+    except armwright_client.InvalidArgument as error:
         raise invalid_value("--url or --token", str(error)) from None
     mcp_server(client, url).run()
 
@@ -107,12 +99,14 @@ def _serve(
 ) -> None:
     from studio.page.studio_page import run  # noqa: PLC0415
 
-    options: ClientOptions = {} if connection.token is None else {"token": connection.token}
+    options: armwright_client.ClientOptions = (
+        {} if connection.token is None else {"token": connection.token}
+    )
     with _service(connection, data_dir) as url:
         try:
-            with Client(url, **options) as client:
+            with armwright_client.Client(url, **options) as client:
                 run(client, url, robot, port, announce)
-        except ArmwrightError as error:
+        except armwright_client.ArmwrightError as error:
             raise unreachable(
                 f"{url}: {error}", "See that it runs, or leave --url out to start one."
             ) from None
@@ -171,15 +165,15 @@ def own_service(data_dir: Path | None) -> Iterator[str]:
 
 def _wait_until_ready(url: str, process: subprocess.Popen[bytes]) -> None:
     end = time.monotonic() + _START_TIME
-    with Client(url) as client:
+    with armwright_client.Client(url) as client:
         while time.monotonic() < end:
             if process.poll() is not None:
                 raise RuntimeError(f"the service ended with exit code {process.returncode}")
             try:
                 client.readyz()
-            except (NotReady, TransportError):
+            except (armwright_client.NotReady, armwright_client.TransportError):
                 time.sleep(_PERIOD)
-            except ArmwrightError as error:
+            except armwright_client.ArmwrightError as error:
                 raise RuntimeError(f"the service answers {error}") from error
             else:
                 return

@@ -4,18 +4,20 @@ import json
 import webbrowser
 from contextlib import closing
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armwright_client import DEFAULT_URL
+import armwright_client
 from command_line import values
-from command_line.backends.local import LocalBackend
-from command_line.backends.remote import remote_backend
+from command_line.backends.backend import at, here
 from command_line.output import print_line, save
 from command_line.parameters import Connection, Mounted, RobotSource, Scene, command
 from command_line.problems import invalid_value
 from command_line.robot_files import read_json
+
+if TYPE_CHECKING:
+    from command_line.backends.local import LocalBackend
 
 #: Operation of a motion that is drawn with nothing but its certificate.
 _VALIDATE = "POST /v1/validate"
@@ -64,7 +66,7 @@ def view(
 
 
 def _of_service(connection: Connection, plan_id: str, *, tree: bool) -> bytes:
-    with closing(remote_backend(connection.url or DEFAULT_URL, connection.token)) as backend:
+    with closing(at(connection.url or armwright_client.DEFAULT_URL, connection.token)) as backend:
         return backend.page(plan_id, tree=tree)
 
 
@@ -72,7 +74,7 @@ def _of_file(
     file: Path, robot: str | None, scene: str | None, tool: dict[str, Any], *, tree: bool
 ) -> bytes:
     document = read_json(file)
-    with closing(LocalBackend()) as backend:
+    with closing(here()) as backend:
         if "armwright_bundle" in document:
             name, plan, place = _of_bundle(document, backend)
         else:
@@ -87,7 +89,7 @@ def _of_file(
 
 
 def _of_bundle(
-    bundle: dict[str, Any], backend: LocalBackend
+    bundle: dict[str, Any], backend: "LocalBackend"
 ) -> tuple[str, dict[str, Any], dict[str, Any] | None]:
     """The robot of a bundle, its plan, and the stored scene that its request names."""
     from service.endpoints.plans.document import checked_bundle  # noqa: PLC0415

@@ -169,6 +169,7 @@ class Kernel(CPUDispatcher):
         code = machine_code.find(name)
         if code is None:
             _expect_none_missing(name, result.signature.args)
+            self.targetctx.refresh()
             code = machine_code.keep(machine_code.door(name, kernel, result.fndesc, self._flags()))
         return code
 
@@ -184,7 +185,6 @@ class Kernel(CPUDispatcher):
 
     def _code(self, kinds: Any) -> Code:
         name = self._name(kinds)
-        self.targetctx.refresh()
         found = machine_code.find(name)
         if found is None and _before_first and not _is_frozen():
             _before_first.pop()()
@@ -195,6 +195,7 @@ class Kernel(CPUDispatcher):
     def _compiled(self, name: str, kinds: Any) -> Code:
         _expect_none_missing(name, kinds)
         small = self.targetoptions["forceinline"]
+        self.targetctx.refresh()  # what only compiling needs, which takes long to import
         with _uncollected():
             return machine_code.compiled(name, self.py_func, kinds, self._flags(), small)
 

@@ -3,10 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import make_interp_spline
-from scipy.signal import butter, sosfiltfilt
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
@@ -151,7 +149,7 @@ def _check_sizes(chain: Chain, q: Array, tau: Array) -> None:
 
 def _check_speeds(times: Array, q: Array, qd: Array) -> None:
     """Refuse velocities or times that do not go with the positions."""
-    moved = cumulative_trapezoid(qd, times, axis=0, initial=0)
+    moved = scipy.integrate.cumulative_trapezoid(qd, times, axis=0, initial=0)
     square = float(np.sum(moved**2))
     share = float(np.sum(moved * (q - q[0]))) / max(square, 1e-300)
     least, most = _SPEEDS
@@ -167,12 +165,12 @@ def _differentiated(known: Samples, needs_qd: bool, needs_qdd: bool) -> Samples:
     assert known.cutoff is not None
     t = known.period * np.arange(len(known.q))
     q = _smooth(known.q, known.cutoff, known.period)
-    curve = make_interp_spline(t, q, k=5)
+    curve = scipy.interpolate.make_interp_spline(t, q, k=5)
     qd = curve(t, 1) if needs_qd else _smooth(known.qd, known.cutoff, known.period)
     if not needs_qdd:
         qdd = _smooth(known.qdd, known.cutoff, known.period)
     else:
-        qdd = curve(t, 2) if needs_qd else make_interp_spline(t, qd, k=5)(t, 1)
+        qdd = curve(t, 2) if needs_qd else scipy.interpolate.make_interp_spline(t, qd, k=5)(t, 1)
     return replace(known, q=q, qd=qd, qdd=qdd)
 
 
@@ -207,7 +205,9 @@ def _regular(times: Array, columns: list[Array]) -> tuple[list[Array], float]:
             hint="Give what was before and after as logs of their own.",
         )
     inside = np.clip(grid, times[0], times[-1])
-    return [make_interp_spline(times, rows, k=3)(inside) for rows in columns], period
+    return [
+        scipy.interpolate.make_interp_spline(times, rows, k=3)(inside) for rows in columns
+    ], period
 
 
 def _checked_cutoff(cutoff: float | None, period: float, count: int) -> float:
@@ -231,5 +231,5 @@ def _spoiled(cutoff: float, period: float) -> int:
 
 
 def _smooth(values: Array, cutoff: float, period: float) -> Array:
-    sections = butter(_ORDER, cutoff, fs=1.0 / period, output="sos")
-    return np.asarray(sosfiltfilt(sections, values, axis=0))
+    sections = scipy.signal.butter(_ORDER, cutoff, fs=1.0 / period, output="sos")
+    return np.asarray(scipy.signal.sosfiltfilt(sections, values, axis=0))

@@ -12,9 +12,8 @@ from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
@@ -129,7 +128,7 @@ def calibrate(
     x = start.ravel()
     for _ in range(1 if measured.noise else _ROUNDS):
         cost = partial(_cost, rows, noise, spread.ravel(), start.ravel())
-        found = least_squares(cost, x, jac="3-point", x_scale=spread.ravel())
+        found = scipy.optimize.least_squares(cost, x, jac="3-point", x_scale=spread.ravel())
         x = found.x
         full = np.asarray(found.jac)
         J = full[: len(full) - x.size] * spread.ravel()
@@ -166,7 +165,9 @@ def calibrate(
 def poses_of(corrections: Array) -> Array:
     """Transforms (..., 4, 4) of corrections (..., 6)."""
     T = np.zeros((*corrections.shape[:-1], 4, 4))
-    turned = Rotation.from_rotvec(corrections[..., 3:].reshape(-1, 3)).as_matrix()
+    turned = scipy.spatial.transform.Rotation.from_rotvec(
+        corrections[..., 3:].reshape(-1, 3)
+    ).as_matrix()
     T[..., :3, :3] = turned.reshape(*corrections.shape[:-1], 3, 3)
     T[..., :3, 3] = corrections[..., :3]
     T[..., 3, 3] = 1.0
@@ -257,7 +258,7 @@ def _rows(
     p = T[:, :3, 3]
     if measured.poses is not None:
         turned = np.swapaxes(measured.poses[:, :3, :3], 1, 2) @ T[:, :3, :3]
-        angles = Rotation.from_matrix(turned).as_rotvec()
+        angles = scipy.spatial.transform.Rotation.from_matrix(turned).as_rotvec()
         off = (p - measured.poses[:, :3, 3]) / noise[0]
         return np.concatenate([off.ravel(), angles.ravel() / noise[1]])
     if measured.points is not None:
@@ -289,7 +290,9 @@ def _alignment(T: Array, measured: Measured) -> Array:
     if target is None:
         return np.zeros(SIX)
     p = T[:, :3, 3]
-    turn, _ = Rotation.align_vectors(target - target.mean(axis=0), p - p.mean(axis=0))
+    turn, _ = scipy.spatial.transform.Rotation.align_vectors(
+        target - target.mean(axis=0), p - p.mean(axis=0)
+    )
     return np.concatenate([target.mean(axis=0) - turn.apply(p.mean(axis=0)), turn.as_rotvec()])
 
 

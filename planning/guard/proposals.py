@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidTrajectory
@@ -142,7 +142,9 @@ class SamplesProposal:
             end = 1 if self.interpolation == "clamped_spline" else 2
             still = np.zeros(chain.n)
             ends: Any = ((1, state[1]), (end, still))
-            c = np.moveaxis(CubicSpline(times, rows[0], bc_type=ends).c[::-1], 0, 2)
+            c = np.moveaxis(
+                scipy.interpolate.CubicSpline(times, rows[0], bc_type=ends).c[::-1], 0, 2
+            )
             made = Trajectory(chain.joint_names, times, c)
         else:
             made = interpolate(chain.joint_names, times, rows[0], self.interpolation, *rows[1:])

@@ -11,7 +11,7 @@ function is kept and called through buffers.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi
 import numpy as np
@@ -26,7 +26,7 @@ from planning.constrained.checker import ConstrainedChecker
 from planning.constraints.row import Column
 from planning.optimize.iterate import Iterate
 from planning.optimize.rows import Rows, local_matrix
-from planning.optimize.task import Task
+from planning.optimize.task import Obstruction, Task
 from planning.values.deadline import Deadline
 
 
@@ -110,18 +110,6 @@ RESIDUAL = 0.01
 SHARE = 0.1
 #: Loads aimed at are lower by this share than what is allowed.
 _HEADROOM = 5e-3
-
-
-class Obstruction(NamedTuple):
-    """Obstruction that keeps a motion from being found.
-
-    Args:
-        message: Description of what is violated, and by how much.
-        hint: Remedy.
-    """
-
-    message: str
-    hint: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)

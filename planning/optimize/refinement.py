@@ -8,11 +8,10 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
 from planning.optimize.iterate import Candidate, fit_spline
-from planning.optimize.linearization import Obstruction
 from planning.optimize.objective import value
 from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
-from planning.optimize.task import Task
+from planning.optimize.task import Obstruction, Task
 from planning.timing.options import TimingFailed
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.path import JointPath

@@ -22,17 +22,11 @@ from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.optimize import objective, program
 from planning.optimize.iterate import Candidate, Iterate, blocked_places, least_duration
-from planning.optimize.linearization import (
-    Checkpoints,
-    Linearization,
-    Obstruction,
-    least_factor,
-    linearize,
-)
+from planning.optimize.linearization import Checkpoints, Linearization, least_factor, linearize
 from planning.optimize.objective import value
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.rows import Rows, end_rows, limit_rows, stack_rows
-from planning.optimize.task import Task
+from planning.optimize.task import Obstruction, Task
 from planning.timing.options import TimingFailed
 from planning.timing.speed.effort_limits import estimate_uses, slow_down
 from planning.timing.time_scaling import ScaledTime, fitting_factor, peak_ratios

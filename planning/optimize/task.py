@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,18 @@ from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from planning.constraints.constraint_set import ConstraintSet
 from planning.values.limits import EffortLimits
+
+
+class Obstruction(NamedTuple):
+    """Obstruction that keeps a motion from being found.
+
+    Args:
+        message: Description of what is violated, and by how much.
+        hint: Remedy.
+    """
+
+    message: str
+    hint: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,6 +5,7 @@ Of a start that moves, the first contact is reported that no braking avoids.
 
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +15,7 @@ from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
-from planning.optimize.linearization import Obstruction
-from planning.optimize.refinement import RefinedMotion, Refinement
-from planning.optimize.task import End, Task
+from planning.optimize.task import End, Obstruction, Task
 from planning.options import Options
 from planning.problem import JointGoal, Problem
 from planning.proof.certificate import Certificate, certify
@@ -28,6 +27,9 @@ from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization
 from planning.values.deadline import Deadline
 from planning.values.optimize_options import OPTIMIZE, RefineOptions
+
+if TYPE_CHECKING:
+    from planning.optimize.refinement import RefinedMotion, Refinement
 
 #: Violations that are kept away from once it is known where they are.
 _PLACED = frozenset({"collision", "path_constraint"})
@@ -95,10 +97,10 @@ class OptimizeStage:
     options: Options
     parametrization: TimeParametrization
     known: Trajectory
-    _work: Refinement | None = field(default=None, init=False)
+    _work: "Refinement | None" = field(default=None, init=False)
     _skip_reason: str = field(default="", init=False)
 
-    def offer(self, deadline: Deadline) -> RefinedMotion | None:
+    def offer(self, deadline: Deadline) -> "RefinedMotion | None":
         """Optimise; the best motion if it is better than the known one.
 
         Raises:
@@ -115,7 +117,7 @@ class OptimizeStage:
             self._work = self._begin(deadline)
         return self._work.offer(deadline)
 
-    def report(self, offer: RefinedMotion | None) -> tuple[bool, str]:
+    def report(self, offer: "RefinedMotion | None") -> tuple[bool, str]:
         """Sentence for the stage's report."""
         if self._skip_reason or self._work is None:
             return False, self._skip_reason
@@ -127,7 +129,7 @@ class OptimizeStage:
             detail += f"; objective {self._work.value:.4g} became {offer.value:.4g}"
         return True, f"{detail}."
 
-    def reject(self, offer: RefinedMotion, certificate: Certificate) -> bool:
+    def reject(self, offer: "RefinedMotion", certificate: Certificate) -> bool:
         """An offer was not proved; whether another one may be."""
         violation = certificate.violation
         if self._work is None or violation is None or violation.kind not in _PLACED:
@@ -197,7 +199,9 @@ class OptimizeStage:
         assert self.options.refine is not None
         return self.options.refine
 
-    def _begin(self, deadline: Deadline) -> Refinement:
+    def _begin(self, deadline: Deadline) -> "Refinement":
+        from planning.optimize.refinement import Refinement  # noqa: PLC0415  with CasADi
+
         problem, known = self.problem, self.known
         smooth = self.parametrization.jerk is not None or "jerk" in self._refine.weights
         start = _end(known.start, problem.start_velocity, problem.start_acceleration, smooth=smooth)

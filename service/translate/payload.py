@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from armwright_wire.robots.dynamics import Payload
+from armwright_wire.robots.payload import Payload
 from armwright_wire.robots.robot import LinkInertia, RobotInertias
 from dynamics.model.payload import IdentifiedBodies, inertia, with_payload
 from kinematics.model.chain import Chain, Inertia

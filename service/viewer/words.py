@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from planning.proof.premises import Premises
-
 #: Names of limits in sentences.
 _LIMITS = {
     "position": "position limits",
@@ -111,9 +109,11 @@ def against(certificate: Mapping[str, Any]) -> str:
         certificate: Certificate as the API answers it.
     """
     told = certificate.get("premises")
-    return (
-        "against premises that are not told" if told is None else Premises.of_fields(told).against()
-    )
+    if told is None:
+        return "against premises that are not told"
+    from planning.proof.premises import Premises  # noqa: PLC0415  all of planning, with numba
+
+    return Premises.of_fields(told).against()
 
 
 def problem_sentences(problem: Mapping[str, Any]) -> list[str]:

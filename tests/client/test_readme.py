@@ -42,4 +42,4 @@ def test_every_name_is_exported() -> None:
     prose = re.sub(r"```.*?```", "", README, flags=re.DOTALL)
     named = set(re.findall(r"\b(?:[A-Z][a-z]+){2,}\b", prose))
     foreign = {"ValidationError", "HTTPTransport", "WebSocket"}
-    assert named - foreign - {"NumPy"} <= set(vars(armwright_client))
+    assert named - foreign - {"NumPy"} <= set(dir(armwright_client))

@@ -1,3 +1,4 @@
+import json
 import signal
 import subprocess
 import sys
@@ -6,13 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from command_line.app import _COMMANDS
+from command_line.app import _MODULES
+from command_line.backends.local import DEFAULT_TIMEOUT
 from command_line.main import SERVER_COMMANDS, main
 from command_line.problems import ExitCode
+from service.settings import Settings
 from service.version import VERSION
 from tests.command_line.commands import Run
 
-COMMANDS = [command.__name__ for command in _COMMANDS]
+COMMANDS = list(_MODULES)
 ROOT = Path(__file__).parents[2]
 
 
@@ -56,6 +59,25 @@ def test_the_server_starts_without_what_commands_for_people_need() -> None:
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert answer.stdout == "set()\n"
+
+
+def test_a_plan_here_needs_no_client_and_no_optimiser() -> None:
+    words = ["plan", "panda", "--start", "home", "--goal", "0,-0.5,0,-2,0,1.6,0.8"]
+    large = "'casadi', 'httpx', 'pydantic_settings', 'scipy.interpolate', 'scipy.optimize'"
+    program = (
+        f"import sys; from command_line.main import main; main({[*words, '--json']}); "
+        f"print({{{large}}} & set(sys.modules))"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    first, last = answer.stdout.splitlines()
+    assert json.loads(first)["certificate"]["verified"]
+    assert last == "set()"
+
+
+def test_a_request_here_has_the_time_of_one_at_a_service() -> None:
+    assert Settings.model_fields["default_timeout"].default == DEFAULT_TIMEOUT
 
 
 def test_every_command_is_documented() -> None:

@@ -8,9 +8,9 @@ from armwright_wire.base import RowsLike, VectorLike
 from armwright_wire.goals.constraint import Constraints
 from armwright_wire.pose import Orientation, Pose
 from armwright_wire.robots.calibration import Accuracy, Plane
-from armwright_wire.robots.dynamics import Payload
 from armwright_wire.robots.identification import DriveName
 from armwright_wire.robots.kinematics import Axis, GradientOptions
+from armwright_wire.robots.payload import Payload
 from armwright_wire.robots.potential import PotentialOptions
 from armwright_wire.robots.reach import BaseRegion, ReachTolerance
 from armwright_wire.scenes.scene import Engine

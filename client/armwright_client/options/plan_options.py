@@ -12,8 +12,8 @@ from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody
 from armwright_wire.plans.plan import PlannerName, Refine
 from armwright_wire.plans.task import MovedObject
-from armwright_wire.robots.dynamics import Payload
 from armwright_wire.robots.lyapunov import PendulumParameters
+from armwright_wire.robots.payload import Payload
 from armwright_wire.scenes.check import (
     AllowedCollisions,
     Attached,

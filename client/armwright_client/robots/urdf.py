@@ -13,10 +13,10 @@ the text that is sent names the mesh by a path that does not.
 import base64
 import posixpath
 from collections.abc import Iterator, Mapping, Sequence
+from html import escape
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree as ET
-from xml.sax.saxutils import escape
 
 from armwright_client.robots.mjcf import read_mjcf
 from armwright_client.robots.sources import UrdfFile, description_in, is_mjcf, urdf_text
@@ -163,7 +163,8 @@ def _rename(text: str, uri: str, name: str) -> str:
     """
     renamed = text
     for quote in ('"', "'"):
-        renamed = renamed.replace(f"{quote}{escape(uri)}{quote}", f"{quote}{escape(name)}{quote}")
+        old, new = (f"{quote}{escape(one, quote=False)}{quote}" for one in (uri, name))
+        renamed = renamed.replace(old, new)
     if renamed == text:
         raise InvalidArgument(f"collision mesh {uri!r} is written in a way that can't be renamed")
     return renamed

@@ -25,7 +25,7 @@ from armwright_wire.base import (
     examples,
 )
 from armwright_wire.motions.trajectory import TrajectoryBody
-from armwright_wire.robots.dynamics import Payload
+from armwright_wire.robots.payload import Payload
 from armwright_wire.robots.robot import LinkInertia, Motor
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects
 from armwright_wire.scenes.scene import SceneReference

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from armwright_wire.base import Answer, Body, NonNegative, Positive, Ratio
-from armwright_wire.robots.dynamics import Payload
+from armwright_wire.robots.payload import Payload
 
 #: Waypoints with times of one request.
 MAX_TIMES = 100_000

@@ -37,7 +37,7 @@ from armwright_wire.goals.tool_motion import (
 from armwright_wire.motions.certificate import CertificateAnswer, Stops
 from armwright_wire.motions.timing import Timing, TimingAnswer
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
-from armwright_wire.robots.dynamics import Payload
+from armwright_wire.robots.payload import Payload
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
 from armwright_wire.scenes.scene import SceneReference
 from armwright_wire.scenes.tool import WithTool

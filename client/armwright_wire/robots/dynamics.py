@@ -8,7 +8,6 @@ from armwright_wire.base import (
     JOINTS_EXAMPLE,
     MAX_BATCH,
     Answer,
-    Body,
     BodyWithRules,
     Frame,
     InFrame,
@@ -17,29 +16,17 @@ from armwright_wire.base import (
     Matrix,
     NonNegative,
     Point,
-    Positive,
     Vector3,
     Vector6,
 )
 from armwright_wire.robots.kinematics import TaskAxes, TaskVector, check_task_vectors
+from armwright_wire.robots.payload import Payload
 from armwright_wire.scenes.tool import WithTool
 
 RATES_EXAMPLE = [0.1, -0.2, 0.3, 0.1, 0.0, -0.1, 0.2]
 
 #: One row for each configuration, or the same for all.
 Wrenches = Vector6 | Annotated[list[Vector6], Field(min_length=1, max_length=MAX_BATCH)]
-Tensor = Annotated[list[Vector3], Field(min_length=3, max_length=3)]
-
-
-class Payload(Body):
-    """A rigid load fixed to a link, in addition to what the robot's description has."""
-
-    mass: Positive = Field(description="[kg]", examples=[1.5])
-    center_of_mass: Point = Field([0.0, 0.0, 0.0], description="in the link's frame [m]")
-    inertia: Tensor | None = Field(
-        None, description="about the centre of mass [kg m²]; a point mass if left out"
-    )
-    link: Label | None = Field(None, description="the tip if left out")
 
 
 class Model(WithTool):

@@ -16,7 +16,7 @@ from armwright_wire.base import (
     Timeout,
     examples,
 )
-from armwright_wire.robots.dynamics import Payload
+from armwright_wire.robots.payload import Payload
 from armwright_wire.robots.robot import RobotInertias
 from armwright_wire.scenes.tool import WithTool
 

@@ -7,8 +7,8 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.errors import InvalidGoal
@@ -165,7 +165,7 @@ def through_spline(seam: SeamOptions) -> tuple[SeamOptions, float]:
         at = np.concatenate([[0.0], np.cumsum(lengths[first:last])])
         if len(knots) < 3:
             continue
-        middles = CubicSpline(at, points[knots])(0.5 * (at[1:] + at[:-1]))
+        middles = scipy.interpolate.CubicSpline(at, points[knots])(0.5 * (at[1:] + at[:-1]))
         away = np.linalg.norm(middles - 0.5 * (points[knots[1:]] + points[knots[:-1]]), axis=1)
         # Middles nearer to a chord than this name no arc [m].
         for k in np.flatnonzero(away > 1e-7 + 1e-5 * lengths[knots[:-1]]):

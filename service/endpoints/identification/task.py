@@ -9,11 +9,11 @@ from pydantic_core import to_json
 from armwright_wire.motions.excitation import ExcitationRequest
 from armwright_wire.pose import Pose
 from armwright_wire.robots.calibration import CalibrateRequest
-from armwright_wire.robots.dynamics import Payload
 from armwright_wire.robots.identification import (
     IdentifyRequest,
     LogBody,
 )
+from armwright_wire.robots.payload import Payload
 from dynamics.identification.identify import Identification, identify_payload
 from dynamics.identification.identify import identify as identify_robot
 from dynamics.identification.log import Log

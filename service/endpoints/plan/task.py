@@ -8,7 +8,7 @@ from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -16,8 +16,6 @@ from pydantic_core import from_json, to_json
 
 from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.plans.plan import Collisions, PlanRequest, ValidateRequest
-from armwright_wire.plans.task import TaskRequest
-from armwright_wire.plans.tour import TourRequest
 from kinematics.errors import InvalidRobotDescription
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
@@ -59,6 +57,10 @@ from service.workers import current
 from service.workers.answer import in_frame
 from service.workers.result import PlanOutcome, TaskProblem, timed_out, validation_fault
 from service.workers.task import GRACE, task
+
+if TYPE_CHECKING:
+    from armwright_wire.plans.task import TaskRequest
+    from armwright_wire.plans.tour import TourRequest
 
 #: Note on a descent of points in place of bodies.
 _BODILESS = (
@@ -383,7 +385,7 @@ def _descent(found: Descent) -> dict[str, Any]:
 
 
 def reproducibility(
-    body: PlanRequest | TaskRequest | TourRequest,
+    body: "PlanRequest | TaskRequest | TourRequest",
     robot: RobotGeometry,
     scene: Scene,
     *,
@@ -399,7 +401,7 @@ def reproducibility(
         deterministic: Whether the same request has the same answer.
     """
     content = body.model_dump_json(exclude={"keep", "tool", "tcp", "witness"}).encode()
-    if isinstance(body, TaskRequest) and any(stage_tools(body.stages)):
+    if any(stage_tools(getattr(body, "stages", ()))):
         content = to_json(with_tool_names(from_json(content)))  # as kept requests have documents
     return {
         "seed": body.seed,

@@ -20,6 +20,7 @@ from enum import Enum, StrEnum
 from pkgutil import resolve_name
 from typing import Any
 
+from armwright_wire.base import build_at_once
 from service.workers import main as worker
 from service.workers.fork.launch import Recipe
 from service.workers.task import load_tasks
@@ -119,6 +120,7 @@ class _ForkServer:
         try:
             for module in recipe.modules:
                 load_tasks(module)
+            build_at_once()
             resolve_name(recipe.warm)(self._progress)
         except Exception:  # noqa: BLE001  (whatever it is, the server logs it)
             self._send(Notice.UNFIT, traceback.format_exc())
