@@ -11,7 +11,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import scipy.interpolate
+import scipy.signal
 
+import planning.optimize.refinement
 from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
 from obstacles.collision.kept_robot import kept_solids
@@ -30,6 +33,8 @@ from service.storage.caches.cache_key import Reference, builtin_reference
 from service.workers import current
 from service.workers.result import PlanOutcome
 
+#: Modules that others import where they first need them: in workers nothing waits for that.
+_LOADED = (scipy.interpolate, scipy.signal, planning.optimize.refinement)
 _START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 _GOAL = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
 _TIMEOUT = 60.0
