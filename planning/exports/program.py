@@ -277,10 +277,13 @@ def _text(
     lines = language.begin(first.points.positions[0], first.tolerance)
     tip = robot.chain.tip_link
     for k, run in enumerate(runs):
-        told = run[0].place.robot.chain.tip_link
-        if told.partition(PART)[0] != tip.partition(PART)[0]:
-            lines += language.call(procedure(told))
-        tip = told
+        chain = run[0].place.robot.chain
+        told = chain.tip_link
+        # A point of what is held is no tool.
+        if told.partition(PART)[0] in chain.index:
+            if told.partition(PART)[0] != tip.partition(PART)[0]:
+                lines += language.call(procedure(told))
+            tip = told
         lines += [language.note(plain(part.label)) for part in run]
         if k in proved:
             end = run[-1].motion

@@ -74,7 +74,7 @@ def _start_failure(task: Task, cells: Cells) -> Failure | None:
     """Fault of the start, as the first stage finds it."""
     first = task.stages[0]
     # Before a gripper moves nothing has changed; what is attached is checked as held.
-    world = task.world.entered(first.settings.robot)
+    world = task.world.entered(first.settings)
     world = world if isinstance(first, Gripper) else changed(world, first, task.start)
     pairs = contacts_of(first.settings.allowed, "request") | contact_pairs(first)
     cell = cells.cell(world, pairs, first.settings.margin)
@@ -103,7 +103,7 @@ def _surroundings(task: Task, k: int) -> tuple[RobotGeometry, Scene]:
     """The robot as a stage finds it, holding nothing, and what stands where it stood."""
     world, taken = task.world, set[str]()
     for stage in task.stages[: k + 1]:
-        world = world.entered(stage.settings.robot)
+        world = world.entered(stage.settings)
         if isinstance(stage, Gripper) and stage.robot is not None:
             world = world.with_robot(stage.robot)
         if isinstance(stage, Attach):
@@ -132,7 +132,7 @@ def _impossible(task: Task, deadline: Deadline) -> SequenceFailure | None:
         assert stage is not None
         if deadline.passed:
             break
-        world = world.entered(stage.settings.robot)
+        world = world.entered(stage.settings)
         robot, known = world.robot, None
         if isinstance(stage, Gripper):
             world = world.with_robot(stage.robot or robot)

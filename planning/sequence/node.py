@@ -275,7 +275,7 @@ def changed(world: World, stage: Stage, q: Array) -> World:
     if isinstance(stage, Gripper):
         moved = moved_gripper(world, stage)
         if isinstance(moved, Gripper) and moved.robot is not None:
-            return world.with_robot(moved.robot)
+            return world.with_robot(moved.robot).entered(stage.settings)
     return world
 
 
@@ -322,7 +322,7 @@ def onward_steps(
     world, q = node.world, node.joints
     for k in segment.forward:
         stage = task.stages[k]
-        world = world.entered(stage.settings.robot)
+        world = world.entered(stage.settings)
         allowed = contacts_of(stage.settings.allowed, "request")
         if isinstance(stage, Follow):
             world = world.after_motion(free=True) if stage.kind == "seam" else world
@@ -364,7 +364,7 @@ def onward_steps(
 def before_target(task: Task, segment: Segment, node: Node) -> World:
     """The world of the free motion of a segment, after the choices of a node."""
     world = node.onward_world.after_motion(free=True)
-    return world.entered(task.stages[segment.free].settings.robot)
+    return world.entered(task.stages[segment.free].settings)
 
 
 def child_node(
@@ -445,7 +445,7 @@ def next_place(task: Task, first: int, world: World, q: Array) -> tuple[int, Wor
     """
     for k in range(first, len(task.stages)):
         stage = task.stages[k]
-        world = world.entered(stage.settings.robot)
+        world = world.entered(stage.settings)
         if isinstance(stage, Grasp):
             return None
         if isinstance(stage, Place):

@@ -30,6 +30,18 @@ StraightKind = Literal["approach", "retreat", "lift", "insert"]
 GRIPPER_DURATION = 0.5
 
 
+class ObjectTip(NamedTuple):
+    """A point of a held object that leads.
+
+    Args:
+        object: Name of the object.
+        T_object_tip: Frame of the point in the object's, shape (4, 4).
+    """
+
+    object: str
+    T_object_tip: Array
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class StageSettings:
     """StageSettings that every stage has.
@@ -43,6 +55,8 @@ class StageSettings:
             this stage may take.
         robot: The robot with the tool that it has from this stage on, its fingers anywhere; None
             for that of the stage before.
+        tip: Point of a held object that leads from this stage on, until another robot is named or
+            the object is detached; None for that of the stage before, or of ``robot``.
     """
 
     name: str = ""
@@ -51,6 +65,7 @@ class StageSettings:
     constraints: tuple[Constraint, ...] = ()
     options: Options = field(default_factory=Options)
     robot: RobotGeometry | None = None
+    tip: ObjectTip | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -98,6 +98,7 @@ class Task:
         object.__setattr__(self, "start", frozen(start))
         object.__setattr__(self, "stages", _check_objects(self.world, self.stages))
         _check_names(self.world, self.stages)
+        object.__setattr__(self, "stages", _with_tips(self.world, self.stages))
         _check_tools(self.world, self.stages)
         holders = [item.attachment.link for item in self.world.held]
         stages = with_finger_motions(self.world.robot, self.stages, holders)
@@ -254,12 +255,39 @@ def _with_reference(stages: Sequence[Stage], k: int, stage: Stage, held: Sequenc
     return replace(stage, of=near[0])
 
 
+def _with_tips(world: World, stages: Sequence[Stage]) -> tuple[Stage, ...]:
+    """The stages with the point of a held object that leads in each."""
+    if all(stage.settings.tip is None for stage in stages):
+        return tuple(stages)
+    held, done = {item.name for item in world.held}, list[Stage]()
+    robot, tip = world.robot, None
+    for k, stage in enumerate(stages):
+        own = stage.settings
+        if own.robot is not None or own.tip is not None:
+            robot, tip = own.robot or robot, own.tip
+        if isinstance(stage, Detach):
+            tip = None if tip is not None and tip.object == stage.object else tip
+            held.discard(str(stage.object))
+        if tip is not None and tip.object not in held:
+            raise _fault(stages, k, f"leads a point of {tip.object!r}, which is not held by then",
+                         "Put grasp and attach of it before this stage.")  # fmt: skip
+        if isinstance(stage, Attach):
+            held.add(stage.object)
+            if tip is not None and stage.link is None:
+                raise _fault(stages, k, f"attaches to the tip of {tip.object!r}, which is held",
+                             "Name the link that holds the object.")  # fmt: skip
+        done.append(replace(stage, settings=replace(own, robot=robot, tip=tip)))
+    return tuple(done)
+
+
 def _check_tools(world: World, stages: Sequence[Stage]) -> None:
     """No tool changes between a motion and the target it leads to, or while something is held."""
     held, tip = len(world.held), world.robot.chain.tip_link
     for k, stage in enumerate(stages):
         new = stage.settings.robot.chain.tip_link if stage.settings.robot else tip
         before = stages[k - 1] if k else None
+        if stage.settings.tip is not None:
+            new = f"{new.partition(PART)[0]}{PART}{stage.settings.tip}"
         if new != tip and isinstance(before, Straight) and before.kind == "approach":
             raise _fault(stages, k, "changes the tool between an approach and its end",
                          "Name the tool in the stage move before the approach.")  # fmt: skip
@@ -378,7 +406,7 @@ def with_finger_motions(
     done: list[Stage] = []
     world = World(robot, Scene())
     for k, stage in enumerate(stages):
-        world = world.entered(stage.settings.robot)
+        world = world.entered(stage.settings)
         robot = world.robot
         if isinstance(stage, Gripper):
             try:

@@ -16,8 +16,9 @@ from obstacles.robots.allowed_pairs import TOUCH_DEPTH, contacts_of
 from obstacles.robots.attachment import Attachment, hold
 from obstacles.robots.finger_geometry import moved_links, swept_cover, with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
+from obstacles.robots.tool import PART, with_tip
 from obstacles.scenes.scene import AllowedContact, Obstacle, Scene
-from planning.sequence.stage import Into, Load, Pair
+from planning.sequence.stage import Into, Load, Pair, StageSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,17 +215,29 @@ class World:
         pairs = {sorted_pair(item.name, name): contact for item in self.held for name in names}
         return replace(self, supported={**self.supported, **pairs})
 
-    def entered(self, robot: RobotGeometry | None) -> "World":
-        """The world when the robot has the tool of another one, which stands as it is mounted.
+    def entered(self, settings: StageSettings) -> "World":
+        """The world when the robot has the tool and tip of a stage.
+
+        Another tool stands as it is mounted. A tip of what is not held is not there yet.
 
         Args:
-            robot: The robot with the tool; None, or one with the same tip, for no change.
+            settings: Settings of the stage.
         """
-        if robot is None or robot.chain.tip_link == self.robot.chain.tip_link:
+        robot, tip, leads = settings.robot, settings.tip, self.robot.chain.tip_link
+        if robot is None:
             return self
-        own = self.robot.fingers.positions
-        stands = {name: own.get(name, at) for name, at in robot.fingers.positions.items()}
-        return replace(self, robot=with_fingers(robot, stands), grasped=None, placed=None)
+        if robot.chain.tip_link != leads and robot.fingers.positions:
+            own = self.robot.fingers.positions
+            stands = {name: own.get(name, at) for name, at in robot.fingers.positions.items()}
+            robot = with_fingers(robot, stands)
+        if tip is not None and any(item.name == tip.object for item in self.held):
+            held = self.holds(tip.object).attachment
+            place = held.link, (held.held.T_world_obstacle @ tip.T_object_tip).tobytes()
+            robot = _led_by(robot, f"{tip.object}{PART}tip", *place)
+        now, before = robot.chain.tip, self.robot.chain.tip
+        if now.name == leads and np.array_equal(now.T_joint_link, before.T_joint_link):
+            return self
+        return replace(self, robot=robot, grasped=None)
 
     def direction(self, along: Array, frame: str, of: str | None, T_tool: Array) -> Array:
         """The direction of a straight motion in the root frame, shape (3,).
@@ -264,6 +277,12 @@ class World:
         holder, tip = chain.link(attachment.link), chain.link(chain.tip_link)
         T_tool_link = inverse(tip.T_joint_link) @ holder.T_joint_link
         return np.asarray(T_tool_link @ attachment.held.T_world_obstacle)
+
+
+@bounded_cache(maxsize=64)
+def _led_by(robot: RobotGeometry, name: str, link: str, T_link_tip: bytes) -> RobotGeometry:
+    """The robot with a tip of what it holds."""
+    return with_tip(robot, name, link, np.frombuffer(T_link_tip).reshape(4, 4))
 
 
 #: Fingers this near to an object touch it; of two that hold it one may be so far away [m].

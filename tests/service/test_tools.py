@@ -236,7 +236,8 @@ def test_a_task_picks_with_a_built_in_jaw(client: httpx.Client) -> None:
     refused = problem(
         client.post("/v1/tasks", json=body | {"stages": wide}), 422, "VALIDATION_ERROR"
     )
-    assert "no side grasp of 'crate' was found; the fingers open 0.085 m" in refused["detail"]
+    told = "it measures [0.2, 0.2, 0.2] m and the fingers open 0.085 m"
+    assert f"no side grasp of 'crate' was found: {told}" in refused["detail"]
     page = client.get(f"/v1/plans/{plan['plan_id']}/view")
     assert page.status_code == 200
     swept = client.get(f"/v1/plans/{plan['plan_id']}/swept?tolerance=0.2")

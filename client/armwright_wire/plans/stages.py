@@ -1,7 +1,7 @@
 """Stages of tasks on the wire."""
 
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
@@ -34,7 +34,7 @@ from armwright_wire.scenes.check import (
     Margin,
     TouchDepth,
 )
-from armwright_wire.scenes.tool import Part, ToolReference
+from armwright_wire.scenes.tool import TipReference, ToolReference
 
 MAX_STAGES = 200
 #: Grasps or places of one stage.
@@ -70,7 +70,21 @@ class StageBody(Body):
     tool: ToolReference | None = Field(
         None, description="that the robot has from this stage on, in place of the one before"
     )
-    tcp: Part | None = Field(None, description="tip of the tool from this stage on")
+    tcp: TipReference | None = Field(
+        None,
+        description="tip of the tool from this stage on, or that of an object which is held by "
+        "then, until it is detached",
+    )
+
+
+class Via(Goal):
+    """A configuration or pose, or one of a set, that a free motion goes through."""
+
+    blend: Annotated[Positive, Field(le=10.0)] | None = Field(
+        None,
+        description="pass without resting, at most so far from it, Euclidean in joint space "
+        "[rad or m]; rest there if left out",
+    )
 
 
 class MoveStage(StageBody):
@@ -82,6 +96,9 @@ class MoveStage(StageBody):
     )
     tolerance: ReachTolerance | None = Field(
         None, description="region about the goal's poses, in their own frame"
+    )
+    via: Annotated[list[Via], Field(min_length=1, max_length=20)] | None = Field(
+        None, description="to go through on the way, in order, each as a stage move of its own"
     )
     end_of: Label | None = Field(
         None, description="in place of goal: name of an earlier stage, whose last configuration"
@@ -106,6 +123,18 @@ class MoveStage(StageBody):
         if self.planner.lower() == "cartesian":
             raise ValueError("planner cartesian: ask for an approach, retreat or lift")
         return self
+
+    def through(self) -> list["MoveStage"]:
+        """Stages that go to what is in `via`, with all else as in this one."""
+        left_out = ("goal", "tolerance", "end_of", "via", "blend", "name")
+        own = {name: x for name, x in self if name in self.model_fields_set - {*left_out}}
+        return [
+            MoveStage(**own, goal=Goal(**_set_fields(at)), blend=at.blend) for at in self.via or ()
+        ]
+
+
+def _set_fields(at: Via) -> dict[str, Any]:
+    return {name: x for name, x in at if name in at.model_fields_set and name != "blend"}
 
 
 class StraightStage(StageBody):

@@ -34,7 +34,7 @@ from armwright_wire.scenes.check import (
     Margin,
 )
 from armwright_wire.scenes.scene import SceneReference
-from armwright_wire.scenes.tool import WithTool
+from armwright_wire.scenes.tool import HeldTip, WithTool
 
 
 class MovedObject(Body):
@@ -163,6 +163,7 @@ class TaskStageAnswer(Answer):
         None, description="the object of `for_each`, or the number of the alternative, it is for"
     )
     event: EventAnswer | None = Field(None, description="of signal, set and wait_for")
+    tip: HeldTip | None = Field(None, description="point of a held object that leads in it")
     kind: str = Field(description="as requested")
     name: str | None = Field(None, description="as requested")
     begins: float = Field(description="when it begins in the whole task [s]")

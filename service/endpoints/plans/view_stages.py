@@ -248,8 +248,10 @@ def _carriers(
     item: Obstacle, robot: Reference, stages: Sequence[Mapping[str, Any]]
 ) -> Iterator[dict[str, Any]]:
     """Carriers of an object from the beginning of each stage on: a link, or the ground."""
+    tip = None
     for stage in stages:
-        chain = robot_with_tip(robot, stage["certificate"]["premises"]["tool"]).chain
+        tip = stage["certificate"]["premises"]["tool"] if stage.get("tip") is None else tip
+        chain = robot_with_tip(robot, tip).chain
         joint, T = -1, item.T_world_obstacle
         for placed in stage["after"]["objects"]:
             if placed["id"] == item.id:

@@ -8,11 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from armwright_wire.plans.stages import SingleStage
+from armwright_wire.plans.stages import DetachStage, SingleStage
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.pose import Pose
 from armwright_wire.scenes.check import TOUCH_DEPTH, Attached
 from armwright_wire.scenes.scene import AllowedItem, LimitedPair
+from armwright_wire.scenes.tool import HeldTip
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from obstacles.robots.finger_geometry import with_fingers
@@ -24,6 +25,7 @@ from service.endpoints.attached_objects import RobotInScene, attach, attachment
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Mount, Reference
 from service.translate import poses
+from service.translate.robots.tools import with_object_tip
 
 
 class StageCell(NamedTuple):
@@ -56,7 +58,7 @@ def stage_cells(
         around: The scene with all objects, see ``task_objects``.
         fingers: Positions of the fingers at the task's beginning [rad or m].
     """
-    cells = []
+    cells, tip = [], None
     for stage in stages:
         after = stage["after"]
         places = {item["id"]: told_transform(item["pose"]) for item in after["objects"]}
@@ -66,7 +68,13 @@ def stage_cells(
         ]
         scene = _with_places(around, places)
         allowed = [_told_pair(item) for item in stage["certificate"]["allowed_collisions"]]
-        robot = robot_with_tip(reference, stage["certificate"]["premises"]["tool"])
+        led = stage.get("tip")
+        if led is None:
+            tip = stage["certificate"]["premises"]["tool"]
+        robot = robot_with_tip(reference, tip)
+        if led is not None:
+            item = next(item for item in after["attached"] if item["id"] == led["object"])
+            robot = with_object_tip(robot, HeldTip.model_validate(led), item["link"], item["pose"])
         own = robot.fingers.positions
         fingers = {name: fingers.get(name, at) for name, at in own.items()}
         first = last = attach(with_fingers(robot, fingers), scene, held, allowed)
@@ -129,8 +137,12 @@ def _with_places(around: Scene, places: Mapping[str, Array]) -> Scene:
     return replace(around, obstacles=obstacles)
 
 
-def stage_robots(robot: Reference, stages: Sequence[SingleStage]) -> Iterator[RobotGeometry]:
-    """The robot with the tool that it has in each stage, which holds for those after it.
+def stage_robots(
+    robot: Reference, stages: Sequence[SingleStage]
+) -> Iterator[tuple[RobotGeometry, HeldTip | None]]:
+    """The robot with the tool that it has in each stage, and a tip of what it holds.
+
+    Both hold for the stages after, the tip until the object is detached.
 
     Args:
         robot: The robot as the task begins.
@@ -140,23 +152,28 @@ def stage_robots(robot: Reference, stages: Sequence[SingleStage]) -> Iterator[Ro
         ArmwrightError: A tool can't be mounted; or a tip is named, and there is no tool.
     """
     others = () if robot.mount is None else robot.mount.others
-    documents, current = dict(others), robot
+    documents, current, led = dict(others), robot, None
     for k, stage in enumerate(stages):
-        mount = current.mount or Mount(None)
+        mount, tcp = current.mount or Mount(None), stage.tcp
+        if stage.tool is not None or tcp is not None:
+            led = tcp if isinstance(tcp, HeldTip) else None
+        elif isinstance(stage, DetachStage) and led is not None:
+            led = None if stage.object in (None, led.object) else led
         if stage.tool is not None:
             name = stage.tool if isinstance(stage.tool, str) else stage.tool.name
-            mount = replace(mount, tool=documents[name], tcp=stage.tcp, held=None)
-        elif stage.tcp is not None:
+            own = tcp if isinstance(tcp, str) else None
+            mount = replace(mount, tool=documents[name], tcp=own, held=None)
+        elif isinstance(tcp, str):
             if mount.tool is None:
                 raise InvalidOption(
-                    f"stages[{k}] ({stage.kind}): tcp {stage.tcp!r} is the tip of a tool, and the "
+                    f"stages[{k}] ({stage.kind}): tcp {tcp!r} is the tip of a tool, and the "
                     "robot has none by then",
                     hint="Give tool in the request or in this stage.",
                 )
-            mount = replace(mount, tcp=stage.tcp, held=None)
-        if mount != current.mount and (stage.tool, stage.tcp) != (None, None):
+            mount = replace(mount, tcp=tcp, held=None)
+        if mount != current.mount and (stage.tool, tcp) != (None, None):
             current = replace(current, mount=mount)
-        yield worker_cache.robot(current).geometry
+        yield worker_cache.robot(current).geometry, led
 
 
 def robot_with_tip(robot: Reference, tip: str | None) -> RobotGeometry:

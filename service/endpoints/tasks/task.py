@@ -202,7 +202,12 @@ def _answer(outcome: SequencePlan, whole: _Asked) -> dict[str, Any]:
         reference = reference_answer(stage.after.robot.chain, stage.plan, body.seed)
         said = stage.event
         event = None if said is None else {"port": said.port, "value": said.value}
-        more = {"reference": reference, "item": of, "event": event}
+        led = asked.stages[stage.index].settings.tip
+        tip = led and {
+            "object": led.object,
+            "pose": poses.pose_answer(led.T_object_tip).model_dump(),
+        }
+        more = {"reference": reference, "item": of, "event": event, "tip": tip}
         stages.append(_stage_answer(stage, begins, before, period) | more)
         begins += stage.trajectory.duration
     failure = outcome.failure
@@ -328,7 +333,12 @@ def blocks(stages: Sequence[stages_of.StageUnion]) -> Blocks:
     Args:
         stages: Stages of the request, in order.
     """
-    return [_block(stage) for stage in stages]
+    made: list[Block[SingleStage]] = []
+    for stage in stages:
+        if isinstance(stage, stages_of.MoveStage) and stage.via is not None:
+            made += stage.through()
+        made.append(_block(stage))
+    return made
 
 
 def _block(stage: stages_of.StageUnion) -> Block[SingleStage]:

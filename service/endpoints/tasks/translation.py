@@ -13,6 +13,7 @@ from armwright_wire.plans import stages as schema
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.robots.reach import ReachTolerance
 from armwright_wire.scenes.check import Attached
+from armwright_wire.scenes.tool import HeldTip
 from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.pose import transform
@@ -40,6 +41,7 @@ from planning.sequence.stage import (
     Into,
     Load,
     Move,
+    ObjectTip,
     Place,
     Signal,
     Stage,
@@ -57,6 +59,7 @@ from service.translate.frames import (
     constraints_in_root_frame,
 )
 from service.translate.problems import cartesian, planner_name
+from service.translate.robots.tools import tip_in_object
 
 #: Frame and direction of straight motions that name none.
 _DIRECTIONS: Mapping[str, tuple[DirectionFrame, tuple[float, float, float]]] = {
@@ -70,7 +73,7 @@ _DIRECTIONS: Mapping[str, tuple[DirectionFrame, tuple[float, float, float]]] = {
 def stages(
     body: TaskRequest,
     flat: Sequence[schema.SingleStage],
-    robots: Sequence[RobotGeometry],
+    robots: Sequence[tuple[RobotGeometry, HeldTip | None]],
     scene: Scene,
     start: Array,
     timeout: float,
@@ -90,9 +93,10 @@ def stages(
     """
     names = {stage.name: k for k, stage in enumerate(flat) if stage.name is not None}
     made: list[Stage] = []
-    for k, (stage, robot) in enumerate(zip(flat, robots, strict=True)):
+    for k, (stage, (robot, held)) in enumerate(zip(flat, robots, strict=True)):
         frames = Frames(robot.chain, start, body.frame)
-        made.append(_Translator(body, names, robot, scene, frames, timeout).stage(k, stage))
+        tip = None if held is None else ObjectTip(held.object, tip_in_object(held))
+        made.append(_Translator(body, names, robot, tip, scene, frames, timeout).stage(k, stage))
     return tuple(made)
 
 
@@ -100,9 +104,10 @@ class _Translator:
     """Translates the stages of one request."""
 
     def __init__(
-        self, body: TaskRequest, names: Mapping[str, int], robot: RobotGeometry, scene: Scene,
-        frames: Frames, timeout: float,
+        self, body: TaskRequest, names: Mapping[str, int], robot: RobotGeometry,
+        tip: ObjectTip | None, scene: Scene, frames: Frames, timeout: float,
     ) -> None:  # fmt: skip
+        self._tip = tip
         self._body, self._robot, self._scene, self._frames = body, robot, scene, frames
         self._timeout, self._names = timeout, names
 
@@ -171,6 +176,7 @@ class _Translator:
                 stops=task.stops,
             ),
             robot=self._robot,
+            tip=self._tip,
         )
 
     def _cartesian(self, body: schema.StageBody) -> CartesianOptions:

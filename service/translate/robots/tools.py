@@ -1,5 +1,6 @@
 """Tools from wire to domain, and onto robots."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ from pydantic_core import from_json
 from armwright_wire.pose import Pose
 from armwright_wire.scenes import tool as schema
 from dynamics.model.payload import inertia
+from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.model.chain import Inertia
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -37,10 +39,21 @@ def mounted(
         return robot
     told: dict[str, Any] = from_json(held)
     item = told["attached"]
-    T = poses.transform(Pose.model_validate(item["pose"]))
-    if told["pose"] is not None:
-        T = T @ poses.transform(Pose.model_validate(told["pose"]))
-    return with_tip(robot, f"{item['id']}{PART}tip", item["link"], T)
+    tip = schema.HeldTip(object=item["id"], pose=told["pose"])
+    return with_object_tip(robot, tip, item["link"], item["pose"])
+
+
+def with_object_tip(
+    robot: RobotGeometry, tip: schema.HeldTip, link: str, pose: Mapping[str, Any]
+) -> RobotGeometry:
+    """The robot with a point of an object that a link holds at a pose as its tip."""
+    T = poses.transform(Pose.model_validate(pose))
+    return with_tip(robot, f"{tip.object}{PART}tip", link, T @ tip_in_object(tip))
+
+
+def tip_in_object(tip: schema.HeldTip) -> Array:
+    """Frame of the tip in the object's, shape (4, 4)."""
+    return np.eye(4) if tip.pose is None else poses.transform(tip.pose)
 
 
 def tool(body: schema.NamedTool) -> Tool:

@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 import yaml
 
+import armwright as aw
 from armwright_wire.motions.export import ExportAnswer
 from armwright_wire.plans.task import TaskAnswer
 from armwright_wire.plans.tour import TourAnswer
+from armwright_wire.pose import Pose
 from kinematics.errors import ArmwrightError, InvalidOption
+from kinematics.pose import inverse
 from service.endpoints.export.task import export
 from service.endpoints.plans.program import swept
 from service.endpoints.plans.view import view
@@ -22,6 +25,8 @@ from service.endpoints.tasks.task import plan_sequence
 from service.endpoints.tours.task import tour
 from service.storage.caches.cache_key import builtin_reference
 from service.storage.caches.mounts import mount_of, with_tools
+from service.translate.poses import transform as transform_of_pose
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.service.endpoints.ask import answer_of, problem_of
 from tests.service.robots import solid
 
@@ -29,6 +34,10 @@ TENDING = Path(__file__).parents[3] / "examples" / "machine_tending.yaml"
 TASK: dict[str, Any] = {"robot": "ur5e"} | yaml.safe_load(TENDING.read_text("utf-8"))
 HOME = TASK["start"]["joints"]
 UR = builtin_reference("ur5e")
+
+
+def transform_of(pose: dict[str, Any]) -> Any:
+    return transform_of_pose(Pose.model_validate(pose))
 
 
 def no_tool(name: str) -> bytes:
@@ -204,6 +213,68 @@ def test_the_shortest_order_is_answered_with_what_it_saved() -> None:
         plan_sequence(UR, None, json.dumps(body | {"stages": [outer]}).encode())
 
 
+def test_the_tip_of_what_is_held_leads_and_sets_of_poses_are_passed() -> None:
+    bottom: dict[str, Any] = {
+        "object": "part_1",
+        "pose": {"position": [0, 0, -0.05], "rpy": [np.pi, 0, 0]},
+    }
+    there = {"position": [0.4, -0.1, 0.35], "rpy": [np.pi, 0.3, 0.0]}
+    end = {"position": [0.5, -0.1, 0.3], "rpy": [np.pi, 0.3, 0.0]}
+    far = {"pose": {"position": [2.0, 0, 0.4], "rpy": [np.pi, 0, 0]}}
+    via = {"any_of": [far, {"pose": {"position": [0.4, 0.1, 0.45], "rpy": [np.pi, 0, 0]}}]}
+    pick = TASK["stages"][0]["stages"][:6]
+    pick = json.loads(json.dumps(pick).replace("{object}", "part_1"))
+    stages = [
+        *pick,
+        {"kind": "move", "via": [via], "goal": {"pose": there}, "tcp": bottom,
+         "name": "over"},
+        {"kind": "line", "pose": end, "tool_speed": 0.1},
+        {"kind": "wait", "duration": 0.1},
+        {"kind": "detach"},
+        {"kind": "retreat", "distance": [0.05, 0.08]},
+        {"kind": "line", "pose": {"position": [0.5, 0.1, 0.5], "rpy": [np.pi, 0.3, 0]},
+         "tool_speed": 0.2},
+    ]  # fmt: skip
+    body, answer = solved(stages=stages, timing={"sample_period": 0.05})
+    answered = answer["stages"]
+    kinds = [s["kind"] for s in answer["stages"]]
+    assert kinds == [s["kind"] for s in stages[:6]] + ["move", "move", "line", "wait", "detach",
+                                                       "retreat", "line"]  # fmt: skip
+    assert answered[6]["choice"] == 1
+    tips = [s["certificate"]["premises"]["tool"] for s in answer["stages"]]
+    assert tips == ["parallel_jaw/tip"] * 6 + ["part_1/tip"] * 4 + ["parallel_jaw/tip"] * 3
+    assert [s["tip"] is not None for s in answer["stages"]] == [t == "part_1/tip" for t in tips]
+    arm, held = PinocchioArm("ur5e"), answered[8]["after"]["attached"][0]
+    T_flange_jaw = aw.mount(aw.load_robot("ur5e"), aw.built_in_tool("parallel_jaw", "j")).chain
+    T_flange_tip = T_flange_jaw.tip.T_joint_link
+    for k, wanted in ((7, there), (8, end), (9, end)):
+        last = answered[k]["trajectory"]["samples"]["position"][-1]
+        flange = np.asarray(arm.pose(np.array(last), "tool0"))
+        T = flange @ inverse(T_flange_jaw.link("tool0").T_joint_link) @ T_flange_tip
+        T = T @ transform_of(held["pose"]) @ transform_of(bottom["pose"])
+        assert transform_of(wanted) == pytest.approx(T, abs=2e-4)
+    last = answered[12]["trajectory"]["samples"]["position"][-1]
+    T = np.asarray(arm.pose(np.array(last), "tool0"))
+    T = T @ inverse(T_flange_jaw.link("tool0").T_joint_link) @ T_flange_tip
+    assert T[:3, 3] == pytest.approx([0.5, 0.1, 0.5], abs=2e-4)
+    made = program("POST /v1/tasks", body, answer, format="urscript_movej")
+    assert made["proved"], [p for p in made["parts"] if p["certificate"]["violation"]]
+    assert "take_p" not in made["content"]
+    kept = {"operation": "POST /v1/tasks", "request": body, "answer": answer, "proved_here": True}
+    assert isinstance(view(mounted(body), None, json.dumps(kept).encode()), bytes)
+
+
+def test_a_move_goes_through_one_of_each_set() -> None:
+    first, second = ({"joints": [x, -1.2, 1.3, -1.6, -1.57, 0.0]} for x in (0.6, 1.4))
+    below = {"joints": [0.6, 0.6, 1.3, -1.6, -1.57, 0.0]}
+    move = {"kind": "move", "name": "way", "goal": {"joints": [2.0, *HOME[1:]]},
+            "via": [{"any_of": [below, first], "blend": 0.2}, second | {"blend": 0.2}]}  # fmt: skip
+    answer = solved(stages=[move, {"kind": "move", "end_of": "way"}])[1]
+    assert [s["choice"] for s in answer["stages"]] == [1, 0, 0, 0]
+    assert [s["passes"] for s in answer["stages"]] == [True, True, False, False]
+    assert [s["name"] for s in answer["stages"]] == [None, None, "way", None]
+
+
 def test_what_can_not_be_gripped_makes_way_for_another_alternative() -> None:
     grasp = {"kind": "grasp", "object": "block", "touch_links": ["parallel_jaw"]}
     wide: dict[str, Any] = grasp | {"grasps": {"top": {}}}
@@ -231,6 +302,11 @@ def test_what_can_not_be_gripped_makes_way_for_another_alternative() -> None:
           {"kind": "wait", "duration": 1.0, "tool": "spindle"}], "while something is held"),
         ([{"kind": "line", "pose": {"position": [9.0, 0.0, 0.3]}}], "can be led along"),
         ([{"kind": "insert", "distance": 0.02, "into": "chuck_1"}], "nothing is held by then"),
+        ([{"kind": "wait", "duration": 1.0, "tcp": {"object": "part_1"}}],
+         "leads a point of 'part_1', which is not held by then"),
+        ([{"kind": "attach", "object": "part_1"},
+          {"kind": "attach", "object": "part_2", "tcp": {"object": "part_1"}}],
+         "attaches to the tip of 'part_1'"),
     ],
 )  # fmt: skip
 def test_work_that_can_not_be_done_says_why(stages: list[dict[str, Any]], told: str) -> None:
