@@ -68,6 +68,8 @@ _ROUTERS = (
     jobs.router,
 )
 
+build_at_once()
+
 
 def create_app(
     settings: Settings | None = None,
@@ -90,7 +92,6 @@ def create_app(
     Raises:
         TelemetryMissing: The settings ask for traces, and the extra `telemetry` is not installed.
     """
-    build_at_once()
     chosen = settings or Settings()
     tracing = tracing or open_tracing(chosen.traces)
     logging.getLogger(__package__).setLevel(chosen.log_level.upper())
