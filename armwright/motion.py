@@ -23,6 +23,7 @@ from planning.pipeline import pipeline
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import Failure, Plan
 from planning.retiming import retime as timing
+from planning.retiming.limits_at import Stretch
 from planning.retiming.retime import PathToTime, Retimed
 from planning.retiming.state_motion import time_states
 from planning.stops.certificate import Stop, StopCertificate, Surroundings, stop_motion
@@ -174,6 +175,7 @@ def retime(
     limits: Mapping[str, ArrayLike] | None = None,
     stops: StopKinds = "none",
     tolerance: float | None = None,
+    limits_at: Sequence[Stretch] = (),
 ) -> Retimed:
     """Time a path of joint waypoints within limits; nothing is proved of collisions.
 
@@ -186,6 +188,7 @@ def retime(
         stops: "path" to bound the longest stop along the path too.
         tolerance: How far any joint may be from the straight lines through the waypoints, at every
             place [rad or m]: few of them, or a smooth curve, stand for all.
+        limits_at: Limits along stretches of the path, beside the others.
 
     Raises:
         MissingLimit: A limit that is needed is not known.
@@ -198,7 +201,7 @@ def retime(
     chain = None if robot is None else chain_of(robot)
     names = _names(points.shape[1]) if chain is None else chain.joint_names
     given = {name: frozen(value) for name, value in (limits or {}).items()}
-    path = PathToTime(names, points, None, tolerance)
+    path = PathToTime(names, points, None, tolerance, tuple(limits_at))
     timed = timing.retime(path, timing_options or TimingOptions(), given, chain)
     return timing.with_path_stops(timed, stops, chain, given)
 

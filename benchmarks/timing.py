@@ -132,7 +132,7 @@ def jerk_line(count: int, part: float, softness: float) -> str:
         waypoints = rng.uniform(-2.0, 2.0, (count, 7))
         path = blend(waypoints, part * largest_reaches(waypoints), smooth=True)
         mine = partial(time_path_with_jerk, path, NAMES, VELOCITY, ACCELERATION, jerk)
-        trajectory, factor, _ = mine()
+        trajectory, factor, *_ = mine()
         limits = (VELOCITY, ACCELERATION, jerk)
         ratios.append(max(worst_ratio(trajectory, v, k) for k, v in enumerate(limits, 1)))
         gains.append(trajectory.duration / stops(waypoints, limits))

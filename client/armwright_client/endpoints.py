@@ -43,6 +43,7 @@ from armwright_wire.motions.export import Format as ExportFormat
 from armwright_wire.motions.retime import FitAnswer as Fitted
 from armwright_wire.motions.retime import (
     FitRequest,
+    LimitsAt,
     PathBody,
     RetimePath,
     RetimeRequest,
@@ -433,6 +434,7 @@ class ServiceEndpoints:
         tolerance: float | None = None,
         robot: str | None = None,
         limits: LimitValues | None = None,
+        limits_at: Sequence[LimitsAt] | None = None,
         timing: RetimeTiming | None = None,
         stops: Literal["none", "path"] | None = None,
         timeout: float | None = None,
@@ -443,6 +445,7 @@ class ServiceEndpoints:
             path=RetimePath.of(joints=joints, knots=knots, tolerance=tolerance),
             robot=robot,
             limits=limits,
+            limits_at=limits_at,
             timing=timing,
             stops=stops,
             timeout=timeout,

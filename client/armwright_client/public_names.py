@@ -173,6 +173,7 @@ from armwright_wire.motions.excitation import ExcitationRequest as ExcitationReq
 from armwright_wire.motions.export import ExportRequest as ExportRequest
 from armwright_wire.motions.export import KeptMotion as KeptMotion
 from armwright_wire.motions.retime import FitRequest as FitRequest
+from armwright_wire.motions.retime import LimitsAt as LimitsAt
 from armwright_wire.motions.retime import PathBody as PathBody
 from armwright_wire.motions.retime import RetimePath as RetimePath
 from armwright_wire.motions.retime import RetimeRequest as RetimeRequest

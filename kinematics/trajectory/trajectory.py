@@ -277,7 +277,8 @@ class Trajectory:
 def concatenate(trajectories: Sequence[Trajectory]) -> Trajectory:
     """One trajectory that plays several in turn.
 
-    Whether they meet is for ``Trajectory.continuity`` to say.
+    Whether they meet is for ``Trajectory.continuity`` to say. A piece whose time is lost to
+    rounding in the sum of times is left out.
 
     Raises:
         InvalidTrajectory: There is none, or their joints differ.
@@ -298,7 +299,9 @@ def concatenate(trajectories: Sequence[Trajectory]) -> Trajectory:
         np.pad(item.coefficients, ((0, 0), (0, 0), (0, size - 1 - item.degree)))
         for item in trajectories
     ]
-    return Trajectory(names, np.concatenate(breaks), np.concatenate(coefficients))
+    times = np.concatenate(breaks)
+    lasts = np.diff(times) > 0.0
+    return Trajectory(names, times[np.append(True, lasts)], np.concatenate(coefficients)[lasts])
 
 
 def stay(joint_names: Sequence[str], position: ArrayLike, duration: float = REST) -> Trajectory:

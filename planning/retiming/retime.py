@@ -17,12 +17,20 @@ from kinematics.model.chain import Chain, Limits
 from kinematics.trajectory.trajectory import REST, Trajectory, stay
 from planning.proof.certificate import Certificate, certify_limits
 from planning.proof.violation import Violation
+from planning.retiming.limits_at import (
+    Stretch,
+    TimedInStretches,
+    around_corners,
+    check_stretches,
+    path_lengths,
+    stretch_places,
+)
 from planning.stops.certificate import StopCertificate, certify_path_stops
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
 from planning.timing.method import JerkLimited, JerkUse, timing_method
 from planning.timing.options import Interpolation, TimingFailed, TimingOptions
 from planning.timing.parametrization import TimeParametrization, TimingReport, timing_report
-from planning.timing.path.blend import merge
+from planning.timing.path.blend import blend, merge
 from planning.timing.path.path import JointPath
 from planning.timing.path.simplification import Polyline, simplified_polyline
 from planning.timing.spline.spline import Ends, chord_knots, led_by, smooth_curve, spline_path
@@ -42,12 +50,15 @@ class PathToTime:
             given. Times, for the method "spline" [s].
         tolerance: How far any joint may be from straight lines through them, at every place, for
             the motion to have the fewest corners [rad or m]; None for none.
+        limits_at: Limits along stretches of it, beside those of the whole motion. A stretch that
+            begins or ends where a corner is rounded takes in the whole curve.
     """
 
     joint_names: tuple[str, ...]
     waypoints: Array
     knots: Array | None = None
     tolerance: float | None = None
+    limits_at: tuple[Stretch, ...] = ()
 
 
 class Attempt(NamedTuple):
@@ -85,7 +96,7 @@ def first_verified(
             if number == len(attempts):
                 raise
             continue
-        certificate = certify_limits(timed.trajectory, chain, wanted)
+        certificate = certify_limits(timed.trajectory, chain, timed.held_to(wanted))
         if certificate.verified:
             break
     return timed, certificate, attempt.notes
@@ -100,12 +111,14 @@ class NearPath:
         points: Its waypoints, shape (k, n).
         timing: Options of the timing.
         parametrization: Method and limits.
+        chain: The robot, for limits of the tool's speed along stretches.
     """
 
     path: PathToTime
     points: Array
     timing: TimingOptions
     parametrization: TimeParametrization
+    chain: Chain | None = None
     line: Polyline = field(init=False)
 
     def __post_init__(self) -> None:
@@ -159,6 +172,13 @@ class NearPath:
     def _on_line(self, by: TimeParametrization) -> ScaledTime:
         """The motion along straight lines with rounded corners."""
         corners, reaches = self.line.corners, self.line.reaches
+        stretches = self.path.limits_at
+        if stretches:
+            curve, places = blend(corners, reaches, smooth=by.smooth), path_lengths(corners)
+            ends = stretch_places(stretches, self.points, self.line.numbers, places)
+            ends = around_corners(curve, places, ends)
+            names = self.path.joint_names
+            return TimedInStretches(curve, ends, stretches, by, names, self.chain).time()
         reaches = by.widest_reaches(corners, reaches)
         return by.time_polyline(corners, reaches, self.path.joint_names)
 
@@ -182,7 +202,7 @@ class NearPath:
         within = self.path.tolerance
         if within is None and self.line.left_out:
             within = self.timing.blend_tolerance or self.line.rounding
-        if not within or self._moving or len(self.line.corners) < 3:
+        if not within or self._moving or self.path.limits_at or len(self.line.corners) < 3:
             return None
         found = smooth_curve(self.points, within, self._norm)
         if found is None:
@@ -248,6 +268,11 @@ class Retimed:
     stops: StopCertificate | None = None
 
     @property
+    def lower_bound(self) -> float:
+        """Time that no motion along the same way undercuts, but for jerk, torque and tool [s]."""
+        return 0.0 if self.timing is None else self.timing.lower_bound(self.trajectory)
+
+    @property
     def peaks(self) -> dict[str, Array]:
         """Exact largest |velocity|, |acceleration| and |jerk| of each joint, each (n,)."""
         return {
@@ -293,11 +318,12 @@ def retime(
     interpolation = _interpolation(path, timing)
     notes, numbers = _notes(points), np.arange(len(points))
     near, is_still = None, len(merge(points)) < 2
+    check_stretches(path.limits_at, points, method, chain)
     if interpolation != "linear" and times is None and path.knots is None and not is_still:
         numbers = led_by(points)
         notes, points = notes + _led_notes(points, numbers), points[numbers]
     if interpolation == "linear" and not is_still:
-        near = NearPath(path, points, timing, parametrization)
+        near = NearPath(path, points, timing, parametrization, chain)
         is_still = len(near.line.corners) < 2
     attempts: Sequence[Attempt]
     if is_still:
@@ -314,7 +340,7 @@ def retime(
         attempts, shape = [Attempt(lambda: timed)], timed.trajectory
     else:
         curve = _curve(points, path.knots, interpolation)
-        attempts = [Attempt(lambda: parametrization.time(curve, names))]
+        attempts = [Attempt(lambda: _along(curve, path, numbers, parametrization, chain))]
         shape = Trajectory(names, curve.breaks, curve.coefficients)
     lasting = [attempt.lasting(timing) for attempt in attempts]
     timed, certificate, told = first_verified(lasting, chain, parametrization.motion_limits)
@@ -346,6 +372,11 @@ def with_path_stops(
     """
     if kind == "none":
         return timed
+    if timed.timing is not None and timed.timing.limits_at:
+        raise InvalidOption(
+            "stops are not proved within limits that vary along the path",
+            hint="Leave stops or limits_at out.",
+        )
     if kind != "path":
         raise InvalidOption(
             f"stops {kind!r} leave the path, and timing looks at no collisions",
@@ -458,6 +489,20 @@ def _curve(points: Array, knots: Array | None, interpolation: Interpolation) -> 
     return spline_path(points, values, _ends(interpolation))
 
 
+def _along(
+    curve: JointPath,
+    path: PathToTime,
+    numbers: Indices,
+    by: TimeParametrization,
+    chain: Chain | None,
+) -> ScaledTime:
+    """The motion along a spline through waypoints of a path, of given numbers."""
+    if not path.limits_at:
+        return by.time(curve, path.joint_names)
+    ends = stretch_places(path.limits_at, _points(path), numbers, curve.breaks)
+    return TimedInStretches(curve, ends, path.limits_at, by, path.joint_names, chain).time()
+
+
 def _ends(interpolation: Interpolation) -> Ends:
     return "natural" if interpolation == "natural_spline" else "clamped"
 
@@ -509,6 +554,7 @@ def _report(
         unproved = replace(certificate.proved, limits=False, reasons=reasons)
         certificate = replace(certificate, verified=False, proved=unproved)
     report = timing_report(parametrization, timed.solver)
+    report = replace(report, limits_at=timed.held_to(MotionLimits()).between)
     return Retimed(timed.trajectory, certificate, timed.factor, needed, notes, begins, report)
 
 

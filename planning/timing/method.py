@@ -185,26 +185,32 @@ class JerkLimited(TimingMethod):
     ) -> ScaledTime:
         """See ``TimingMethod.time``."""
         assert limits.jerk is not None
-        dilated = time_path_with_jerk(
-            path,
-            joint_names,
-            limits.velocity,
-            limits.acceleration,
-            limits.jerk,
-            end_speeds=end_speeds,
-            extra=None if limits.effort is None else effort_rows(limits.effort),
-        )
-        if limits.effort is None:
-            return dilated
-        slowed = slow_down(limits.effort, dilated)
-        # A boundary velocity counts as kept where slowing down changes it by less than this part
-        # [-].
-        if any(end_speeds) and slowed.factor > dilated.factor * (1.0 + 1e-9):
-            raise TimingFailed(
-                "the boundary velocities can't be kept within the torque and tool speed limits",
-                hint="Give lower boundary velocities, or higher limits.",
+        effort, factor = limits.effort, 1.0
+        # Slowing down changes the speeds at the ends: they are asked for that much higher.
+        for _ in range(8):
+            dilated = time_path_with_jerk(
+                path,
+                joint_names,
+                limits.velocity,
+                limits.acceleration,
+                limits.jerk,
+                end_speeds=(end_speeds[0] * factor, end_speeds[1] * factor),
+                extra=None if effort is None else effort_rows(effort),
             )
-        return slowed
+            if effort is None:
+                return dilated
+            slowed = slow_down(effort, dilated)
+            needed = slowed.factor / dilated.factor
+            if not any(end_speeds) or needed == factor:
+                return slowed
+            if needed < factor:
+                return ScaledTime(dilated.trajectory.dilate(factor), dilated.factor * factor)
+            # Slowed down by this part more than was needed, so that the next trial needs no more.
+            factor = needed * (1.0 + 1e-6)
+        raise TimingFailed(
+            "the boundary velocities can't be kept within the torque and tool speed limits",
+            hint="Give lower boundary velocities, or higher limits.",
+        )
 
 
 @dataclass(frozen=True, slots=True)

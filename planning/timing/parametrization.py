@@ -23,6 +23,7 @@ from planning.timing.options import Method, Solver, TimingFailed
 from planning.timing.path.blend import blend, merge
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import slow_down
+from planning.timing.speed.lower_bound import lower_bound
 from planning.timing.spline.quintic_fit import even_parts, fit_pieces
 from planning.timing.spline.span_loads import SpanLoads, span_loads
 from planning.timing.spline.spline import (
@@ -32,7 +33,7 @@ from planning.timing.spline.spline import (
     spline_trajectory,
 )
 from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
-from planning.values.limits import EffortLimits, MotionLimits
+from planning.values.limits import EffortLimits, LimitsBetween, MotionLimits
 
 #: A spline that takes longer than this part of the motion that it is near to is not worth it.
 WORTH = 1.1
@@ -216,7 +217,7 @@ class TimeParametrization:
             TimingFailed: There is no such motion, or none was found.
         """
         limits = PathLimits(self.velocity, self.acceleration, self.jerk, self.loads)
-        return self.method.time(path, joint_names, limits, self._end_speeds(path))
+        return self.method.time(path, joint_names, limits, self.end_speeds(path))
 
     def time_polyline(
         self, waypoints: Array, reaches: Array, joint_names: Sequence[str]
@@ -319,7 +320,12 @@ class TimeParametrization:
             )
         return given
 
-    def _end_speeds(self, path: JointPath) -> tuple[float, float]:
+    def end_speeds(self, path: JointPath) -> tuple[float, float]:
+        """Speeds along a path, ds/dt, that the velocities at the start and the end are.
+
+        Raises:
+            InvalidOption: A velocity points off the path.
+        """
         length = float(path.breaks[-1])
         speeds = [
             _path_speed(path.sample([place], 1)[0], velocity, name)
@@ -372,12 +378,29 @@ class TimingReport:
         limits: Limits that the motion is held to, scaled, by quantity ("velocity",
             "acceleration", "jerk"), each shape (n,).
         ruled_jerk: Names of the joints whose jerk limit follows ``choice.JERK_RULE``.
+        limits_at: Limits that hold beside these between two instants.
     """
 
     method: Method
     solver: Solver | None
     limits: Mapping[str, Array]
     ruled_jerk: tuple[str, ...] = ()
+    limits_at: tuple[LimitsBetween, ...] = ()
+
+    def lower_bound(self, motion: Trajectory) -> float:
+        """Time that no motion along the way of one undercuts within velocity and acceleration [s].
+
+        Args:
+            motion: The motion that was timed.
+        """
+        rows = np.array([self.limits["velocity"], self.limits["acceleration"]])
+        limits = np.repeat(rows[:, None], motion.pieces, axis=1)
+        middles = 0.5 * (motion.breaks[1:] + motion.breaks[:-1])
+        for begin, end, there in self.limits_at:
+            inside = (begin < middles) & (middles < end)
+            for row, name in zip(limits, ("velocity", "acceleration"), strict=True):
+                row[inside] = np.minimum(row[inside], there.bounds[name])
+        return lower_bound(motion, *limits)
 
 
 def timing_report(parametrization: TimeParametrization, solver: Solver | None) -> TimingReport:

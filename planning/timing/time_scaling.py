@@ -8,6 +8,7 @@ others cost roots.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from kinematics.trajectory.polynomial import (
 )
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.options import Solver, TimingFailed
+from planning.values.limits import LimitsBetween, MotionLimits
 
 
 @kernel
@@ -84,11 +86,22 @@ class ScaledTime(NamedTuple):
         trajectory: The motion.
         factor: Factor by which its time was stretched.
         solver: Name of the solver that found it, where the method has several.
+        narrower: Limits that hold beside others, each with its first piece and the one after its
+            last.
     """
 
     trajectory: Trajectory
     factor: float
     solver: Solver | None = None
+    narrower: tuple[tuple[int, int, MotionLimits], ...] = ()
+
+    def held_to(self, limits: MotionLimits) -> MotionLimits:
+        """Limits that the motion is held to: those given, and narrower ones between instants."""
+        if not self.narrower:
+            return limits
+        breaks = self.trajectory.breaks.tolist()
+        own = [LimitsBetween(breaks[i], breaks[k], there) for i, k, there in self.narrower]
+        return replace(limits, between=tuple(own))
 
 
 def peak_ratios(trajectory: Trajectory, limits: Array, derivative: int) -> Array:

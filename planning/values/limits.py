@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -67,6 +68,20 @@ RATIO_TOLERANCE = 1e-9
 JERK_JUMP = 1e-6
 
 
+class LimitsBetween(NamedTuple):
+    """Limits that hold beside others between two instants of a motion.
+
+    Args:
+        begin: The first instant [s].
+        end: The last instant [s].
+        limits: The limits.
+    """
+
+    begin: float
+    end: float
+    limits: "MotionLimits"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionLimits:
     """Limits that a motion is held to in place of the robot's.
@@ -76,6 +91,7 @@ class MotionLimits:
             infinity bind nothing. A quantity that is not named has the robot's limits.
         effort: Limits of torque and tool speed; None for none.
         holds_jerk: Whether jerk is to be kept; else what exceeds its limits is told, no more.
+        between: Limits that hold beside these between two instants.
 
     Raises:
         InvalidOption: There is no such quantity, or a limit is negative.
@@ -84,6 +100,7 @@ class MotionLimits:
     bounds: Mapping[str, Array] = field(default_factory=dict)
     effort: EffortLimits | None = None
     holds_jerk: bool = True
+    between: tuple[LimitsBetween, ...] = ()
 
     def __post_init__(self) -> None:
         for name, given in self.bounds.items():
@@ -104,6 +121,8 @@ class MotionLimits:
         Raises:
             InvalidOption: There are more or fewer.
         """
+        for one in self.between:
+            one.limits.check_lengths(joint_names)
         for name, row in self.bounds.items():
             if len(row) != len(joint_names):
                 raise InvalidOption(

@@ -13,6 +13,8 @@ from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain
+from kinematics.trajectory.trajectory import Trajectory
+from planning.retiming.limits_at import Stretch
 from planning.retiming.retime import PathToTime, Retimed
 from planning.timing.choice import JERK_RULE
 from planning.timing.jerk.state_to_state import JointState
@@ -117,15 +119,31 @@ def effort_loads(body: schema.ValidateRequest, chain: Chain) -> EffortLimits | N
     return EffortLimits(chain, effort, body.tool_speed)
 
 
-def path_to_time(body: retime_schema.RetimePath, chain: Chain | None) -> PathToTime:
-    """The path of a request.
+def path_to_time(
+    body: retime_schema.RetimePath,
+    chain: Chain | None,
+    limits_at: Sequence[retime_schema.LimitsAt] | None = None,
+) -> PathToTime:
+    """The path of a request, with limits along stretches of it.
 
     Raises:
         InvalidTrajectory: Waypoints of different lengths, or names that do not fit.
+        InvalidOption: A stretch has no length or no limit.
     """
     names, points = joint_path(body, chain)
+    stretches = tuple(
+        Stretch(
+            one.begin,
+            one.end,
+            one.by == "length",
+            None if one.velocity is None else np.array(one.velocity),
+            None if one.acceleration is None else np.array(one.acceleration),
+            one.tool_speed,
+        )
+        for one in limits_at or ()
+    )
     knots = None if body.knots is None else np.array(body.knots, dtype=np.float64)
-    return PathToTime(names, points, knots, body.tolerance)
+    return PathToTime(names, points, knots, body.tolerance, stretches)
 
 
 def equal_rows(
@@ -213,16 +231,37 @@ def joint_state(body: retime_schema.JointStateBody | None, label: str) -> JointS
     return JointState(np.array(body.position, dtype=np.float64), **rows)
 
 
-def timing_answer(report: TimingReport | None) -> dict[str, Any] | None:
-    """Method and limits of a motion's timing as answers give them."""
+def timing_answer(
+    report: TimingReport | None, motion: Trajectory, begins: float = 0.0
+) -> dict[str, Any] | None:
+    """Method and limits of a motion's timing as answers give them.
+
+    Args:
+        report: Method and limits; None where nothing was timed.
+        motion: The motion.
+        begins: Time at which it begins [s].
+    """
     if report is None:
         return None
+    least = report.lower_bound(motion)
+    held = [
+        {
+            "from": begins + begin,
+            "to": begins + end,
+            **{name: there.bounds[name].tolist() for name in ("velocity", "acceleration")},
+            "tool_speed": None if there.effort is None else there.effort.tool_speed,
+        }
+        for begin, end, there in report.limits_at
+    ]
     ruled = {"jerk": {"rule": JERK_RULE, "joints": list(report.ruled_jerk)}}
     return {
         "method": report.method,
         "solver": report.solver,
         "limits": {name: row.tolist() for name, row in report.limits.items()},
         "ruled": ruled if report.ruled_jerk else {},
+        "limits_at": held,
+        "lower_bound": least or None,
+        "gap": motion.duration / least - 1.0 if least else None,
     }
 
 
@@ -236,7 +275,7 @@ def retimed_answer(
         "certificate": certificate,
         "factor": found.factor,
         "needed_factor": found.needed_factor,
-        "timing": timing_answer(found.timing),
+        "timing": timing_answer(found.timing, found.trajectory, found.begins),
         "notes": list(found.notes),
         "peaks": {name: row.tolist() for name, row in found.peaks.items()},
     }

@@ -265,3 +265,26 @@ def test_few_cubics_stand_for_a_recorded_motion(client: httpx.Client) -> None:
     assert "samples.position[1]" in problem(refused, 422, "INVALID_MOTION_PLAN")["detail"]
     near = client.post("/v1/paths/fit", json=body | {"tolerance": 1e-9})
     assert "nearest" in problem(near, 422, "VALIDATION_ERROR")["detail"]
+
+
+def test_limits_hold_along_a_stretch(client: httpx.Client) -> None:
+    narrow = {"from": 1, "to": 2, "velocity": [0.2, 0.2]}
+    free, slow = retimed(client), retimed(client, limits_at=[narrow])
+    assert slow["trajectory"]["duration"] > free["trajectory"]["duration"] + 2.0
+    (held,) = slow["timing"]["limits_at"]
+    assert held["velocity"] == [0.2, 0.2]
+    assert held["tool_speed"] is None
+    for found in (free, slow):
+        timing = found["timing"]
+        duration = found["trajectory"]["duration"]
+        assert timing["lower_bound"] <= duration
+        assert timing["gap"] == pytest.approx(duration / timing["lower_bound"] - 1.0)
+    states = {"from": {"position": [0.0]}, "to": {"position": [1.0]}, "limits_at": [narrow]}
+    for body, said in (
+        ({"path": {"joints": JOINTS}, "limits_at": [narrow | {"to": 4}]}, "the path at 3"),
+        ({"path": {"joints": JOINTS}, "limits_at": [{"from": 0, "to": 1}]}, "has no limit"),
+        (states, "limits_at belongs to a path"),
+    ):
+        wrong = client.post("/v1/retime", json={"limits": LIMITS} | body)
+        assert wrong.status_code == 422
+        assert said in wrong.text

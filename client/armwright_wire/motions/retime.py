@@ -21,13 +21,21 @@ from armwright_wire.base import (
 )
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.motions.timing import Timing, TimingAnswer
-from armwright_wire.motions.trajectory import LimitsBody, Samples, TrajectoryAnswer, TrajectoryBody
+from armwright_wire.motions.trajectory import (
+    JointRow,
+    LimitsBody,
+    Samples,
+    TrajectoryAnswer,
+    TrajectoryBody,
+)
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
 from armwright_wire.scenes.scene import SceneReference
 from armwright_wire.scenes.tool import WithTool
 
 #: A path of so many waypoints takes some seconds.
 MAX_WAYPOINTS = 20_000
+#: Each of so many stretches is timed by itself.
+MAX_STRETCHES = 200
 
 Waypoints = Annotated[list[JointVector], Field(min_length=1, max_length=MAX_WAYPOINTS)]
 Names = Annotated[list[Label], Field(min_length=1, max_length=MAX_JOINTS)]
@@ -62,6 +70,23 @@ class RetimePath(PathBody):
     knots: Annotated[list[Number], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = Field(
         None, description="of a spline, strictly increasing; times for the method spline [s]"
     )
+
+
+class LimitsAt(Body):
+    """Limits along a stretch of a path, beside those of the whole motion."""
+
+    begin: NonNegative = Field(
+        alias="from",
+        description="waypoint at which it begins, counted from 0, between two where it has a "
+        "fraction; by length: that of straight lines through the waypoints [rad or m]",
+    )
+    end: NonNegative = Field(alias="to", description="where it ends, likewise")
+    by: Literal["waypoint", "length"] = Field(
+        "waypoint", description="count of from and to: waypoints, or Euclidean length"
+    )
+    velocity: JointRow | None = Field(None, description="of each joint [rad/s or m/s]")
+    acceleration: JointRow | None = Field(None, description="of each joint [rad/s² or m/s²]")
+    tool_speed: Positive | None = Field(None, description="of the tip, with a robot [m/s]")
 
 
 class RetimeTiming(Timing):
@@ -105,6 +130,7 @@ _OF_STATES: JsonDict = {
         "path": {"type": "null"},
         "from": {"not": {"type": "null"}},
         "to": {"not": {"type": "null"}},
+        "limits_at": {"type": "null"},
     },
 }
 
@@ -140,6 +166,12 @@ class RetimeRequest(WithTool):
         description="name of a stored or built-in robot, whose limits hold where none are given",
     )
     limits: LimitsBody | None = None
+    limits_at: Annotated[list[LimitsAt], Field(max_length=MAX_STRETCHES)] | None = Field(
+        None,
+        description="limits along stretches of the path, beside the others; where stretches "
+        "overlap, the tighter ones hold. Not for the method spline",
+        examples=[[{"from": 2, "to": 5, "tool_speed": 0.1}]],
+    )
     timing: RetimeTiming = Field(default_factory=RetimeTiming)
     stops: Literal["none", "path"] = Field(
         "none",
@@ -159,6 +191,8 @@ class RetimeRequest(WithTool):
             return self
         if self.start is None or self.end is None:
             raise ValueError("give path, or both from and to")
+        if self.limits_at is not None:
+            raise ValueError("limits_at belongs to a path, not to two states")
         if self.timing.method != "jerk_limited" and "method" in self.timing.model_fields_set:
             raise ValueError("between two states timing.method can only be jerk_limited")
         for name in sorted(self.timing.model_fields_set - _STATE_TIMING):

@@ -75,6 +75,16 @@ class RuledLimits(Answer):
     joints: list[str] = Field(description="that have no limit of their own")
 
 
+class HeldLimits(Answer):
+    """Limits that a motion keeps between two instants, beside those of all of it."""
+
+    begin: float = Field(alias="from", description="the first instant [s]")
+    end: float = Field(alias="to", description="the last instant [s]")
+    velocity: list[float | None] = Field(description="of each joint; null for none")
+    acceleration: list[float | None] = Field(description="of each joint; null for none")
+    tool_speed: float | None = Field(None, description="of the tip [m/s]; null for none")
+
+
 class TimingAnswer(Answer):
     """Method and limits that a motion was timed by."""
 
@@ -87,4 +97,15 @@ class TimingAnswer(Answer):
     )
     ruled: dict[str, RuledLimits] = Field(
         default_factory=dict, description="limits that the robot lacks, by quantity"
+    )
+    limits_at: list[HeldLimits] = Field(
+        default_factory=list, description="narrower limits, as the certificate judges them"
+    )
+    lower_bound: float | None = Field(
+        None,
+        description="no motion along the same way takes less within these limits of velocity and "
+        "acceleration [s]; null where it is not worked out",
+    )
+    gap: float | None = Field(
+        None, description="by how much the motion takes longer, as a part of the lower bound"
     )

@@ -92,6 +92,14 @@ def check_limits(
             message = f"{what} may be {use.ratio:.6g} times its limit"
             details = {"joint": joint, "ratio": use.ratio, "reached": use.reached}
             wrong.append(Violation(name, use.time, message, details))
+    for begin, end, narrower in wanted.between:
+        part = trajectory if end >= trajectory.duration else trajectory.split(end)[0]
+        part = part.split(begin)[1] if begin > 0.0 else part
+        uses_there, more, _ = check_limits(part, limits, narrower)
+        for name, there in uses_there.items():
+            if name not in reports or there.worst_ratio > reports[name].worst_ratio:
+                reports[name] = replace(there, time=begin + there.time)
+        wrong += [replace(one, time=begin + one.time) for one in more]
     return reports, wrong, [replace(one, message=f"{one.message}{_BUT}") for one in told]
 
 

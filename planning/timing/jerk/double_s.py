@@ -300,5 +300,6 @@ def line_phases(
             f"{end_speed:.6g} within its limits",
             hint="Give lower boundary velocities, or higher limits.",
         )
+    along[0] = max(along[0], high)
     phases = np.empty((MAX_PHASES, 5))
     return phases[: leg_phases_kernel(start_speed, end_speed, length, along, phases)]

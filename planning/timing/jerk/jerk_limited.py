@@ -395,8 +395,12 @@ def _check_smooth(path: JointPath) -> None:
         return
     jumps = np.abs(2.0 * c[1:, :, 2] - np.asarray(leaving)[:-1]).max(axis=1)
     jumps[np.array(path.corners, dtype=np.int64) - 1] = 0.0
-    if jumps.max(initial=0.0) > 1e3 * SAME_DIRECTION * float(np.abs(bends).max()):
-        place = int(np.argmax(jumps)) + 1
+    # What rounding of the positions leaves of a second derivative.
+    shorter = np.minimum(u[1:, 0], u[:-1, 0])
+    rounding = 1e-14 * float(np.abs(c[:, :, 0]).max()) / shorter**2
+    over = jumps - 1e3 * SAME_DIRECTION * float(np.abs(bends).max()) - rounding
+    if over.max(initial=0.0) > 0.0:
+        place = int(np.argmax(over)) + 1
         raise InvalidOption(
             f"the second derivative of the path jumps at the start of its piece {place}",
             hint="Round corners by cubics, which blend(..., smooth=True) does.",

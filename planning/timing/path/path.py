@@ -146,6 +146,22 @@ class JointPath:
                 turned[:, :, k] += factor[:, None] * coefficients[:, :, j]
         return JointPath(turned, lengths)
 
+    def cut(self, places: Array) -> list["JointPath"]:
+        """Parts of the path between its start, places within it (k,), ascending, and its end."""
+        breaks, parts = self.breaks, []
+        ends = np.concatenate([[0.0], places, breaks[-1:]])
+        firsts = np.searchsorted(breaks, ends[:-1], side="right") - 1
+        for begin, end, i in zip(ends[:-1], ends[1:], firsts, strict=True):
+            k = int(np.searchsorted(breaks, end))
+            lengths, pieces = self.lengths[i:k].copy(), self.coefficients[i:k].copy()
+            lengths[-1] = end - breaks[k - 1]
+            if begin > breaks[i]:
+                lengths[0] -= begin - breaks[i]
+                for row in pieces[0]:
+                    shift_kernel(row.copy(), begin - breaks[i], row)
+            parts.append(JointPath(pieces, lengths))
+        return parts
+
     def sample(self, places: ArrayLike, derivative: int = 0) -> Array:
         """q, or a derivative with respect to s, at given places s (p,), shape (len(places), n).
 

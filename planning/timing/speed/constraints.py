@@ -63,11 +63,13 @@ def cells(path: JointPath, resolution: int, limits: Array, *, everywhere: bool =
         path: The path.
         resolution: Number of cells that a path without straight pieces would have; a curved piece
             has its share by length, or more if it turns much at high speed.
-        limits: Limits of velocity (inf where there is none) and acceleration, shape (2, n).
+        limits: Limits of velocity (inf where there is none) and acceleration, shape (2, n), or
+            those of each piece, (p, 2, n).
         everywhere: Whether straight pieces get cells as curved ones do, since there are other
             limits too that change along them.
     """
     c = path.coefficients
+    limits = np.ascontiguousarray(np.broadcast_to(limits, (len(c), 2, path.n)))
     straight_piece = ~(c[:, :, 2:] != 0.0).any(axis=(1, 2)) & (not everywhere)
     counts = np.where(straight_piece, 1, _curved_counts(path, resolution, limits))
     pieces = np.repeat(np.arange(len(counts)), counts)
@@ -114,9 +116,9 @@ def _curved_counts(path: JointPath, resolution: int, limits: Array) -> NDArray[n
     entering = path.coefficients[:, :, 1]
     powers = np.arange(2, path.coefficients.shape[2])
     turns = path.coefficients[:, :, 2:] * powers * path.lengths[:, None, None] ** (powers - 1)
-    change = (np.abs(turns.sum(axis=2)) / limits[0]).max(axis=1)
-    slowness = np.maximum((np.abs(entering) / limits[0]).max(axis=1), change)
-    reluctance = (np.abs(entering) / limits[1]).max(axis=1)
+    change = (np.abs(turns.sum(axis=2)) / limits[:, 0]).max(axis=1)
+    slowness = np.maximum((np.abs(entering) / limits[:, 0]).max(axis=1), change)
+    reluctance = (np.abs(entering) / limits[:, 1]).max(axis=1)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         turn = np.nan_to_num(change / slowness)
         room = np.nan_to_num(path.lengths * slowness**2 / reluctance, nan=1.0)
@@ -150,7 +152,7 @@ def limits_kernel(
         used = 0
         for j in range(n):
             c = coefficients[pieces[i], j]
-            v, a = limits[0, j], limits[1, j]
+            v, a = limits[pieces[i], 0, j], limits[pieces[i], 1, j]
             if straight[i]:
                 cap = (v / c[1]) ** 2
                 caps[i], caps[i + 1] = min(caps[i], cap), min(caps[i + 1], cap)
@@ -184,8 +186,8 @@ def _acceleration_kernel(
         bend_before = k * p[k] / length
         a[k] = -p[k] / (2.0 * length) + bend - bend_before
         b[k] = p[k] / (2.0 * length) + bend_before
-    _to_bernstein_kernel(a, count)
-    _to_bernstein_kernel(b, count)
+    to_bernstein_kernel(a, count)
+    to_bernstein_kernel(b, count)
     for k in range(count):
         if a[k] != 0.0 or b[k] != 0.0:
             rows[used, 0], rows[used, 1] = a[k] / limit, b[k] / limit
@@ -209,8 +211,8 @@ def _velocity_kernel(p: Array, limit: float, work: Array) -> tuple[float, float]
             a[k + m] += square
             a[k + m + 1] -= square
             b[k + m + 1] += square
-    _to_bernstein_kernel(a, terms)
-    _to_bernstein_kernel(b, terms)
+    to_bernstein_kernel(a, terms)
+    to_bernstein_kernel(b, terms)
     before, after = a[0], b[terms - 1]
     both, cap = 0.0, np.inf
     for k in range(terms):
@@ -230,7 +232,7 @@ def _velocity_kernel(p: Array, limit: float, work: Array) -> tuple[float, float]
 
 
 @kernel(allocates=False)
-def _to_bernstein_kernel(c: Array, count: int) -> None:
+def to_bernstein_kernel(c: Array, count: int) -> None:
     """Turn power coefficients on [0, 1] into Bernstein coefficients, in place."""
     binomial = 1.0
     for k in range(count):

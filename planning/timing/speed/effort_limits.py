@@ -144,7 +144,7 @@ def slow_down(loads: EffortLimits, dilated: ScaledTime, longest: float = np.inf)
     Raises:
         TimingFailed: No slowing down does, or it takes longer.
     """
-    trajectory, factor, _ = dilated
+    trajectory, factor = dilated.trajectory, dilated.factor
     for _ in range(40):
         needed = _slow_down_factor(loads, trajectory)
         if max(needed, 1.0) * trajectory.duration > longest:

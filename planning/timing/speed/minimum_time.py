@@ -317,15 +317,10 @@ def time_path(
         )
     problem = SpeedProblem(path, aims, resolution, end_speeds, loads)
     solve = _speed_solver(solver)
-    if solver == "toppra" and any(end_speeds):
+    if any(end_speeds):
         return _slowed_at_given_ends(problem, solve, joint_names, limits)
     scaled = dilate(_motion(problem, solve, joint_names), *limits)
-    if loads is None:
-        return scaled
-    slowed = slow_down(loads, scaled)
-    if slowed.factor > (1.0 + _SAME_SPEED) * scaled.factor and sum(end_speeds) > 0.0:
-        raise _end_speed_failure()
-    return slowed
+    return scaled if loads is None else slow_down(loads, scaled)
 
 
 def _motion(problem: SpeedProblem, solve: SpeedSolver, joint_names: Sequence[str]) -> Trajectory:
@@ -368,7 +363,7 @@ def _by_reachability(problem: SpeedProblem) -> tuple[Cells, Array]:
     """The largest speeds for which limits hold in whole cells."""
     path, effort = problem.path, problem.effort
     grid = cells(path, problem.resolution, problem.limits, everywhere=effort is not None)
-    grid = _with_end_speeds(grid, problem.end_speeds)
+    grid = with_end_speeds(grid, problem.end_speeds)
     if effort is None:
         return grid, squared_speeds(grid)
     return grid, _with_friction(
@@ -405,7 +400,7 @@ def _with_friction(effort: EffortLimits, solve: Callable[[Array | None], Array])
     return squares
 
 
-def _with_end_speeds(grid: Cells, end_speeds: tuple[float, float]) -> Cells:
+def with_end_speeds(grid: Cells, end_speeds: tuple[float, float]) -> Cells:
     """The grid with its ends at given speeds instead of at rest."""
     rest, caps = grid.rest.copy(), grid.caps.copy()
     for end, speed in zip((0, -1), end_speeds, strict=True):

@@ -371,7 +371,7 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
         if planned.clearance is None
         else problems.clearance_answer(planned.clearance),
         "configuration": planned.configuration and asdict(planned.configuration),
-        "timing": timings.timing_answer(planned.timing),
+        "timing": timings.timing_answer(planned.timing, planned.trajectory),
         "progress": [asdict(step) for step in planned.progress],
     }
 

@@ -54,7 +54,7 @@ def retime(robot: Reference | None, content: bytes) -> bytes:
 
 def _time_path(body: RetimeRequest, chain: Chain | None) -> Retimed:
     assert body.path is not None
-    path = timings.path_to_time(body.path, chain)
+    path = timings.path_to_time(body.path, chain, body.limits_at)
     limits = timings.given_limits(body.limits, path.joint_names)
     return time_again(path, timings.timing_options(body.timing), limits, chain)
 

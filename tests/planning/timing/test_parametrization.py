@@ -86,7 +86,7 @@ def test_the_least_factor_is_found(seed: int) -> None:
     rng = np.random.default_rng(seed)
     trajectory = random_trajectory(rng, 4)
     limits = [10.0 ** rng.uniform(-2, 2, 4) for _ in range(3)]
-    slow, factor, _ = dilate(trajectory, *limits)
+    slow, factor, *_ = dilate(trajectory, *limits)
     needed = [
         float((trajectory.peaks(order).value / limit).max()) ** (1.0 / order)
         for order, limit in enumerate(limits, start=1)
@@ -94,7 +94,7 @@ def test_the_least_factor_is_found(seed: int) -> None:
     assert factor == pytest.approx(max(1.0, *needed), rel=1e-11)
     ratios = [peak_ratios(slow, limit, order).max() for order, limit in enumerate(limits, start=1)]
     assert max(ratios) <= 1.0
-    fast, speed_up, _ = fit(trajectory, *limits)
+    fast, speed_up, *_ = fit(trajectory, *limits)
     assert speed_up == pytest.approx(max(needed), rel=1e-11)
     ratios = [peak_ratios(fast, limit, order).max() for order, limit in enumerate(limits, start=1)]
     assert 1.0 - 1e-11 < max(ratios) <= 1.0
@@ -102,7 +102,7 @@ def test_the_least_factor_is_found(seed: int) -> None:
 
 def test_what_is_inside_its_limits_stays_as_it_is() -> None:
     trajectory = random_trajectory(np.random.default_rng(1), 3)
-    same, factor, _ = dilate(trajectory, trajectory.peaks(1).value, np.full(3, np.inf))
+    same, factor, *_ = dilate(trajectory, trajectory.peaks(1).value, np.full(3, np.inf))
     assert factor == 1.0
     assert same is trajectory
     assert dilate(trajectory).factor == 1.0

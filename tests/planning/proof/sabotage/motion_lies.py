@@ -115,7 +115,7 @@ def _dilation_too_small(sabotage: Sabotage) -> None:
     """What is slowed down to its limits is sped up again."""
 
     def hasty(true: Callable[..., ScaledTime], *values: Any, **more: Any) -> ScaledTime:
-        trajectory, factor, _ = true(*values, **more)
+        trajectory, factor, *_ = true(*values, **more)
         return ScaledTime(trajectory.dilate(1.0 / TOO_MUCH), factor / TOO_MUCH)
 
     sabotage.wrap(dilate, hasty)

@@ -38,7 +38,7 @@ def test_limits_hold_exactly_on_the_path_itself(seed: int, factor: float) -> Non
     reaches = fastest_reaches(points, limits, largest)
     assert ((reaches >= 0.0) & (reaches <= largest)).all()
     path = blend(points, reaches, smooth=True)
-    motion, stretched, solver = time_even_corners(path, names(7), limits)
+    motion, stretched, solver, _ = time_even_corners(path, names(7), limits)
     assert solver == "double_s"
     assert stretched == pytest.approx(1.0, abs=1e-9)
     for order, bound in enumerate(limits, 1):

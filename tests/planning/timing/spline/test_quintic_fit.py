@@ -87,7 +87,7 @@ def test_the_spline_is_that_of_least_squares_with_ends_at_rest(n: int) -> None:
 @pytest.mark.parametrize("seed", range(8))
 def test_few_pieces_keep_all_limits_exactly(seed: int) -> None:
     points, rounded = _rounded(seed)
-    spline, _, solver = fit_quintic(rounded.trajectory, names(7), LIMITS, len(points) - 1)
+    spline, _, solver, _ = fit_quintic(rounded.trajectory, names(7), LIMITS, len(points) - 1)
     assert solver == "quintic_spline"
     for order, bound in enumerate(LIMITS, 1):
         assert worst_ratio(spline, bound, order) <= 1.0 + 1e-9
