@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from benchmarks.planning.seam_ladder import ALL_STARTS, around, ask, ladder, work
 from benchmarks.planning.seams import judge, load
 from obstacles.collision.checker import Checker
 from planning.options import CartesianOptions, Options
 from planning.pipeline.pipeline import plan
 from planning.result import Plan
+from tests.planning.tool_paths.seams.ladder import ALL_STARTS, around, ask, ladder, work
 
 
 @pytest.mark.parametrize(

@@ -1,24 +1,18 @@
-"""Seams of six kinds of work, followed by four arms and held against a simple ladder.
-
-    python -m benchmarks.planning.seam_ladder [--arms ur5e panda kr6_sixx iiwa14] [--rounds 3]
-        [--kinds spiral raster sphere edge posed program] [--first NUMBER] [--posts]
+"""Seams of six kinds of work for four arms, and a simple ladder to hold the planner against.
 
 Each seam is a list of points with the surface's normal (free spin; rasters and edges with a tilt),
 or of full poses. The ladder is the judge of what is possible: of each point twelve spins of the
 free axis by all branches of inverse kinematics (and 24 values of a redundant parameter), those
 inside the limits and free; dynamic programming over the points joins configurations of which no
 joint is farther apart than half a radian, whole turns of joints with two of them left out. A seam
-that the ladder follows and the planner does not is a loss. A motion that is answered is judged by
-pinocchio and python-fcl at dense instants.
+that the ladder follows and the planner does not is a loss.
 """
 
-import argparse
-import time
 from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.planning.seams import STARTS, judge, load
+from benchmarks.planning.seams import STARTS
 from kinematics.arrays import Array, Indices
 from kinematics.ik.closed_form.analytic import branches
 from kinematics.ik.closed_form.structure import structure
@@ -27,10 +21,7 @@ from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Cylinder
-from planning.options import CartesianOptions, Options
-from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
-from planning.result import Plan
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
 
 KINDS = ("spiral", "raster", "sphere", "edge", "posed", "program")
@@ -206,51 +197,3 @@ def around(seam: SeamOptions, *, posts: bool) -> Scene:
             if posts
         )
     )
-
-
-def main() -> None:
-    """Measure."""
-    parser = argparse.ArgumentParser(description="Seams held against a ladder.")
-    parser.add_argument("--arms", nargs="+", default=list(ARMS), choices=list(ARMS))
-    parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--posts", action="store_true", help="two posts stand beside the work")
-    chosen = parser.parse_args()
-    times, followed, losses, unclean, total = [], 0, [], 0, 0
-    for name in chosen.arms:
-        arm = load(name)
-        start = np.array(ALL_STARTS[name])
-        for kind in chosen.kinds:
-            for number in range(chosen.first, chosen.first + chosen.rounds):
-                one = work(name, kind, number)
-                scene = around(one.seam, posts=chosen.posts)
-                how = CartesianOptions(seam=one.seam)
-                began = time.process_time()
-                answer = plan(
-                    ask(arm.robot, one.seam, start, scene),
-                    Options(planner="cartesian", cartesian=how, timeout=20.0),
-                )
-                times.append(time.process_time() - began)
-                total += 1
-                if isinstance(answer, Plan):
-                    verdict = judge(arm, scene, one.seam.waypoints, answer)
-                    unclean += verdict.away > 1.2e-4 or verdict.collides
-                    followed += 1
-                    words = f"{answer.trajectory.duration:.2f} s"
-                else:
-                    words = f"{answer.details.get('reason', answer.code)}: {answer.message}"[:150]
-                    began = time.process_time()
-                    checker = Checker.of(arm.robot, scene)
-                    if ladder(checker, one.seam, start, spins=one.spins):
-                        losses.append(one.name)
-                        words = f"LOST, {words}"
-                print(f"{one.name}: {times[-1]:.2f} s, {words}", flush=True)
-    print(
-        f"{followed} of {total} followed, {unclean} unclean, the ladder follows {len(losses)} more:"
-        f" {losses}; processor time: median {np.median(times):.2f} s, most {max(times):.2f} s"
-    )
-
-
-if __name__ == "__main__":
-    main()
