@@ -30,9 +30,10 @@ def test_it_prints_what_is_stored(path: Path) -> None:
     assert notebook["cells"][0]["cell_type"] == "markdown"
 
 
-def test_there_are_five() -> None:
+def test_there_are_seven() -> None:
     assert [path.stem for path in NOTEBOOKS] == [
-        "control", "first_plan", "kinematics", "obstacles", "tool_paths"
+        "control", "first_plan", "identified_arm", "kinematics", "obstacles", "taught_path",
+        "tool_paths",
     ]  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.identification import formulas
+from benchmarks.peers.identification import formulas
 
 FILE = """% a comment with = and [brackets]
 function M = get_it(q)

@@ -1,6 +1,6 @@
 """Identification on logs of a real Panda, beside what was published of it and beside peers.
 
-    python -m benchmarks.identification FOLDER [--share 0.7]
+    python -m benchmarks.peers.identification FOLDER [--share 0.7]
 
 The folder is a checkout of FrankaEmikaPandaDynModel (Gaz, Cognetti, Oliva, Robuffo Giordano and De
 Luca, RA-L 2019), which has 21 s of positions and torques of an exciting motion at 1 kHz, and the
