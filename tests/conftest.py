@@ -25,7 +25,7 @@ LONG = (
     "tests/service/test_kernels.py", "tests/compiled/test_kernel.py",
     "tests/service/test_cli.py", "tests/service/test_reproducible.py",
     "tests/compiled/test_build.py", "tests/command_line/test_studio.py",
-    "tests/planning/goal_choice/test_sequences.py",
+    "tests/planning/goal_choice/test_plans.py",
     "tests/service/test_startup.py", "tests/service/test_agents.py",
     "tests/obstacles/distance/triangles/test_distance.py",
     "tests/service/test_positioner_obstacles.py",

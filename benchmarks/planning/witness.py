@@ -50,7 +50,7 @@ from planning.tool_motions.tool_tolerance import SeamOptions, ToolTolerance
 from planning.witness.witness import witness
 from tests.course.in_process import service_in_process
 from tests.planning.witness.problems import ROOT, checker, compact, rejected
-from tests.planning.witness.test_mutations import MUTATIONS
+from tests.planning.witness.test_witness import MUTATIONS
 from tests.service.test_tasks import TASK
 
 #: Where chains end, and what URDFs give no accelerations for [rad/s^2 or m/s^2].

@@ -1,19 +1,43 @@
-"""Edges under constraints: held for every instant by pinocchio, kept back from bounds, free."""
+"""Edges, goals and paths under constraints, judged by pinocchio and FCL."""
 
 from itertools import pairwise
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
+from kinematics.errors import InvalidGoal
+from kinematics.forward import forward
 from obstacles.collision.checker import Checker
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
+from planning.constrained.ik import goal_configurations, pose_constraint
+from planning.constrained.path_constraints import (
+    Relaxation,
+    apply_path_constraints,
+    check_widths,
+    find_relaxation,
+)
+from planning.constrained.projected_rrt import GoalRegion
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import ConeConstraint, JointConstraint
+from planning.constraints.kinds.constraint import (
+    ConeConstraint,
+    JointConstraint,
+    OrientationConstraint,
+    PositionConstraint,
+)
+from planning.constraints.kinds.region import PlaneRegion
 from planning.constraints.row import Column
+from planning.options import Options
+from planning.planner import Ready
+from planning.problem import JointGoal, PoseGoal, Problem
+from planning.result import Failure
+from planning.values.deadline import Deadline
 from tests.planning.pinocchio_arm import PinocchioArm
-from tests.planning.scenes import HOME, builtin, pillar
+from tests.planning.scenes import HOME, box, builtin, pillar, planned_motion
+from tests.planning.slider import slider
 
 ROBOT = builtin("panda")
 CHAIN = ROBOT.chain
@@ -154,3 +178,231 @@ def test_the_row_that_is_violated_most_is_named() -> None:
         motion = held.segment(HOME, HOME + 0.5 * np.eye(7)[joint])
         assert motion.pair == (CHAIN.tip_link, wanted.label(number))
         assert motion.at == 1.0
+
+
+SLIDER = slider().chain
+BEGIN = np.array([-0.5, 0.0])
+
+
+def band(middle: float, half: float, weight: float | None = None) -> ConstraintSet:
+    """The second slide stays within ``half`` of a middle."""
+    return ConstraintSet(SLIDER, (JointConstraint("jy", middle, half, half, weight=weight),))
+
+
+def applied(
+    constraints: ConstraintSet | None, *goals: tuple[float, float]
+) -> tuple[Ready, Ready | Failure]:
+    ends = [np.array(goal) for goal in goals]
+    joints = tuple(JointGoal(q) for q in ends)
+    problem = Problem(slider(), Scene(), BEGIN, joints, constraints=constraints)
+    ready = Ready(BEGIN, ends, (Checker.of(slider(), Scene()),), ("a note",))
+    return ready, apply_path_constraints(problem, ready, 0)
+
+
+def test_without_hard_constraints_nothing_changes() -> None:
+    for constraints in (None, band(0.3, 0.1, weight=2.0)):
+        ready, answer = applied(constraints, (0.5, 0.0))
+        assert answer is ready
+    failure = Failure("CODE", "why", "hint", "start")
+    problem = Problem(slider(), Scene(), BEGIN, (JointGoal(BEGIN),), constraints=band(0.0, 0.1))
+    assert apply_path_constraints(problem, failure, 0) is failure
+
+
+def test_goals_that_violate_are_left_out_and_the_checker_knows_the_constraints() -> None:
+    _, answer = applied(band(0.0, 0.1), (0.5, 0.3), (0.5, 0.05), (0.2, -0.4))
+    assert isinstance(answer, Ready)
+    (goal,) = answer.goals
+    np.testing.assert_array_equal(goal, [0.5, 0.05])
+    assert answer.notes == ("a note",)
+    (checker,) = answer.checkers
+    assert isinstance(checker, ConstrainedChecker)
+    assert checker.free(BEGIN, goal)
+    assert not checker.free(BEGIN, np.array([0.5, 0.3]))
+    # Of the goal's 5 cm to spare two millimetres are kept back.
+    assert checker.free(BEGIN, np.array([0.5, 0.0979]))
+    assert not checker.free(BEGIN, np.array([0.5, 0.0981]))
+
+
+def slab(half: float, weight: float | None = None) -> ConstraintSet:
+    """The ball stays within ``half`` of a plane."""
+    plane = PlaneRegion([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], half)
+    return ConstraintSet(SLIDER, (PositionConstraint(plane, weight=weight),))
+
+
+def test_widths() -> None:
+    check_widths(slab(1e-4))
+    check_widths(slab(1e-6, weight=1.0))
+    check_widths(band(0.0, 0.0))
+    with pytest.raises(InvalidGoal, match="tolerance") as caught:
+        check_widths(slab(5e-5))
+    assert caught.value.details["relaxation"] == pytest.approx(5e-5)
+
+
+START, GOAL = np.array([-0.5, 0.0]), np.array([0.5, 0.0])
+#: A wall that ends at y = 0.2: the ball of 5 cm gets round it at y > 0.25.
+WALL = Scene((box("wall", (0.1, 0.8, 0.4), (0.0, -0.2, 0.0)),))
+BAND = JointConstraint("jy", 0.0, 0.1, 0.1)
+WIDE = JointConstraint("jx", 0.0, 0.8, 0.8)
+
+
+def relaxation(scene: Scene, *constraints: JointConstraint, seconds: float = 1.5) -> Relaxation:
+    hard = ConstraintSet(SLIDER, constraints)
+    model = Checker.of(slider(), scene).model
+    checker = ConstrainedChecker(model, 0.0, constraints=hard, spare=np.zeros(len(hard.rows)))
+    return find_relaxation(checker, START, [GOAL], 0, Deadline.after(seconds))
+
+
+def test_the_constraint_that_bars_the_way_is_named_with_what_it_lacks() -> None:
+    answer = relaxation(WALL, BAND, WIDE)
+    assert answer.constraints == (0,)
+    # Past the wall's end 25 cm up, of which the constraint allows 10.
+    assert 0.15 <= answer.wider[0] <= 0.95
+    assert answer.units == ("m",)
+    assert "widened" in answer.sentence
+    assert answer.details["constraints_that_unblock"] == [0]
+    assert answer.details["way_without_obstacles"] is True
+    assert "Without the obstacles there is a way." in answer.sentence
+
+
+def test_a_constraint_that_the_start_violates_lacks_exactly_that() -> None:
+    answer = relaxation(Scene(), JointConstraint("jy", 0.3, 0.1, 0.1), WIDE)
+    assert answer.constraints == (0,)
+    assert answer.wider[0] == pytest.approx(0.2)
+    assert answer.without_obstacles is None
+
+
+def test_it_says_where_obstacles_are_not_to_blame() -> None:
+    answer = relaxation(WALL, JointConstraint("jy", 0.6, 0.1, 0.1), WIDE, seconds=2.0)
+    assert answer.constraints == (0,)
+    assert answer.without_obstacles is False
+    assert "Without the obstacles no way was found either." in answer.sentence
+
+
+def test_widening_by_nothing_is_not_told_as_a_number() -> None:
+    answer = Relaxation((1,), ("joint",), (0.0,), ("m",))
+    assert "widened by very little" in answer.sentence
+    assert "0 m" not in answer.sentence
+
+
+def test_where_no_constraint_helps_it_says_so() -> None:
+    shut = Scene((box("wall", (0.1, 3.0, 0.4), (0.0, 0.0, 0.0)),))
+    answer = relaxation(shut, BAND, WIDE, seconds=0.4)
+    assert answer.constraints == ()
+    assert "did not help" in answer.sentence
+
+
+TURN = 0.05
+
+
+def test_goals_near_what_was_reached() -> None:
+    T = forward(ROBOT.chain, HOME)
+    held = ConstraintSet(ROBOT.chain, (OrientationConstraint(T[:3, :3], TURN),))
+    scene = pillar(0.1, 0.5)
+    model = Checker.of(ROBOT, scene, 0.0)
+    checker = ConstrainedChecker(model.model, model.slack, constraints=held, spare=np.zeros(3))
+    first, second = T.copy(), T.copy()
+    first[:3, 3] += [0.05, 0.2, 0.0]
+    second[:3, 3] += [0.1, -0.2, 0.1]
+    poses = PoseGoal(first), PoseGoal(second)
+    region = GoalRegion(checker, poses)
+    rng, found = np.random.default_rng(0), 0
+    for k in range(60):
+        near = HOME + rng.normal(scale=0.15, size=7)
+        q = region.goal_near(near, k)
+        if q is None:
+            continue
+        found += 1
+        pose = poses[k % 2]
+        M = ORACLE.pose(q)
+        off = np.linalg.norm(M[:3, 3] - pose.T_base_tip[:3, 3])
+        assert off <= pose.position_tolerance
+        turned = np.linalg.norm(pin.log3(pose.T_base_tip[:3, :3].T @ M[:3, :3]))
+        assert turned <= pose.orientation_tolerance
+        assert checker.valid(q)
+        # Newton's method goes to a configuration nearby, not to another branch.
+        assert np.abs(q - near).max() < 1.5
+    assert found >= 30
+
+
+def test_a_branch_that_the_start_is_not_in_keeps_no_pose_from_being_reached() -> None:
+    # The elbow and wrist are such that most configurations of the goal lie in other branches.
+    start = np.array([-0.27, -0.97, 0.31, -2.62, 2.11, 2.84, 2.01])
+    T = forward(ROBOT.chain, start)
+    goal = T.copy()
+    goal[:3, 3] += [0.25, -0.2, 0.1]
+    held = ConstraintSet(ROBOT.chain, (OrientationConstraint(T[:3, :3], TURN),))
+    for seed in range(3):
+        problem = Problem(ROBOT, Scene(()), start, (PoseGoal(goal),), constraints=held)
+        answer = planned_motion(problem, Options(timeout=30.0, seed=seed))
+        reached = forward(ROBOT.chain, answer.trajectory.end)
+        np.testing.assert_allclose(reached, goal, atol=1e-3)
+        assert answer.certificate.path_constraint_residual == 0.0
+
+
+def test_a_pose_that_most_configurations_collide_in_has_others() -> None:
+    # Posts to both sides of the elbow leave few of the arm's configurations of this pose.
+    T = forward(ROBOT.chain, HOME)
+    goal = T.copy()
+    goal[:3, 3] += [0.1, 0.0, -0.2]
+    rng = np.random.default_rng(3)
+    found = 0
+    for _ in range(6):
+        turns, away = rng.uniform(0.0, 2.0 * np.pi, 4), rng.uniform(0.2, 0.4, 4)
+        posts = [
+            box(f"post{i}", (0.04, 0.04, 1.6), (r * np.cos(t), r * np.sin(t), 0.8))
+            for i, (t, r) in enumerate(zip(turns, away, strict=True))
+        ]
+        scene = Scene(tuple(posts))
+        pose = PoseGoal(goal)
+        problem = Problem(ROBOT, scene, HOME, (pose,))
+        for solution in goal_configurations(problem, pose, HOME, 0):
+            found += 1
+            q = np.array(solution.joints)
+            assert Checker.of(ROBOT, scene, 0.0).valid(q)
+            np.testing.assert_allclose(forward(ROBOT.chain, q), goal, atol=1e-3)
+    assert found >= 1
+
+
+T = forward(ROBOT.chain, HOME)
+GOAL_REGION_GOAL = PoseGoal(T, position_tolerance=2e-3, orientation_tolerance=5e-3)
+
+
+def errors(q: np.ndarray) -> tuple[float, float]:
+    M = ORACLE.pose(q)
+    turn = pin.log3(T[:3, :3].T @ M[:3, :3])
+    return float(np.linalg.norm(M[:3, 3] - T[:3, 3])), float(np.linalg.norm(turn))
+
+
+def test_the_constraint_is_the_largest_box_inside_the_tolerances() -> None:
+    rows = pose_constraint(GOAL_REGION_GOAL).rows(ROBOT.chain)
+    widths = {"m": 0.0, "rad": 0.0}
+    for row in rows:
+        half = 0.5 * row.width if np.isfinite(row.lower) else row.width
+        widths[row.unit] += half**2
+    assert 0.998 * 2e-3 <= np.sqrt(widths["m"]) < 2e-3
+    assert 0.998 * 5e-3 <= np.sqrt(widths["rad"]) < 5e-3
+
+
+def test_configurations_are_at_the_pose_hold_constraints_and_keep_clear() -> None:
+    scene = pillar(0.1, 0.7)
+    problem = Problem(ROBOT, scene, HOME, (GOAL_REGION_GOAL,), margin=0.02)
+    name = ROBOT.chain.joint_names[0]
+    solutions = goal_configurations(
+        problem, GOAL_REGION_GOAL, HOME, 0, (JointConstraint(name, 0.2, 0.1, 0.1),)
+    )
+    assert solutions
+    world = FclWorld(ROBOT, scene)
+    for solution in solutions:
+        position, orientation = errors(solution.joints)
+        assert position <= GOAL_REGION_GOAL.position_tolerance
+        assert orientation <= GOAL_REGION_GOAL.orientation_tolerance
+        assert 0.1 - 1e-6 <= solution.joints[0] <= 0.3 + 1e-6
+        assert world.clearance(solution.joints).distance >= 0.0
+        assert solution.clearance >= 0.0
+    distances = [float(np.linalg.norm(s.joints - HOME)) for s in solutions]
+    assert distances == sorted(distances)
+    again = goal_configurations(
+        problem, GOAL_REGION_GOAL, HOME, 0, (JointConstraint(name, 0.2, 0.1, 0.1),)
+    )
+    for one, other in zip(solutions, again, strict=True):
+        np.testing.assert_array_equal(one.joints, other.joints)

@@ -1,11 +1,13 @@
-"""The ladder's own trees: proved, seeded, bounded, and looked at by FCL."""
+"""Trees, straight motions and narrow passages: proved, seeded, bounded."""
 
 import time
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
@@ -15,10 +17,28 @@ from planning.planner import Query, Ready
 from planning.preflight.preflight import preflight
 from planning.problem import JointGoal, Problem
 from planning.sampling.search import OmplPlanner
-from planning.search.rrt_connect import RrtConnect, RrtResult, rrt_connect
+from planning.search.rrt_connect import (
+    RrtConnect,
+    RrtResult,
+    TreePairs,
+    find_narrow_passage,
+    rrt_connect,
+)
+from planning.search.straight_line import straight_line
+from planning.search.trees import (
+    Draws,
+    Growth,
+    Tally,
+    grow_kernel,
+    nearest_node,
+    new_trees,
+    place_node,
+)
 from planning.values.deadline import Deadline
 from planning.values.search_box import search_box
+from planning.values.search_trees import Explored
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
+from tests.planning.slider import slider
 
 START, GOAL = HOME.copy(), HOME.copy()
 START[0], GOAL[0] = -0.9, 0.9
@@ -145,3 +165,206 @@ def test_ompl_goes_on_where_they_do_not_meet() -> None:
     assert other.detail.startswith("2 edges checked. OMPL: ")
     assert not np.array_equal(own.waypoints, other.waypoints)
     assert ready.checkers[-1].polyline(other.waypoints)[0].free
+
+
+TREES_BEFORE, TREES_BEHIND = np.array([-0.6, 0.2]), np.array([0.6, 0.2])
+
+
+def wire() -> Checker:
+    """A wire that two links in a plane pass between the looks at a step."""
+    at = 1.7 * np.array([np.cos(0.15), 0.0, np.sin(0.15)])
+    post = box("wire", (1e-5, 1.0, 1e-5), (at[0], at[1], at[2]))
+    return Checker.of(builtin("planar_rr"), Scene((post,)))
+
+
+def trees_grown(seed: int) -> tuple[np.ndarray, int]:
+    """The path between two configurations, and how many steps were cut off."""
+    checker, limit = wire(), np.full(2, 3.0)
+    roots = np.array([TREES_BEFORE, TREES_BEHIND])
+    draws = Draws(-limit, limit, 9.0, 2.0, 0.0, True, roots, 0.6, 0.7)
+    trees = new_trees(2, 2, 2000, np.array([seed], dtype=np.uint64))
+    assert grow_kernel(checker.model.arrays, trees, draws, roots, 2000, 2000) == Growth.FOUND
+    assert trees.tally[Tally.EDGES] <= 2000
+    return trees.path[: trees.tally[Tally.PATH]].copy(), int((trees.parents == -2).sum())
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_paths_past_what_no_look_finds_are_proved(seed: int) -> None:
+    path, _ = trees_grown(seed)
+    assert np.array_equal(path[[0, -1]], [TREES_BEFORE, TREES_BEHIND])
+    motion, _ = wire().polyline(path)
+    assert motion.free
+    again, _ = trees_grown(seed)
+    assert np.array_equal(path, again)
+
+
+def test_steps_over_it_were_taken_and_cut_off() -> None:
+    assert sum(cut for _, cut in map(trees_grown, range(8))) > 0
+
+
+def test_what_is_kept_of_trees_is_proved() -> None:
+    checker, explored = wire(), Explored()
+    found = rrt_connect(
+        checker, TREES_BEFORE, [TREES_BEHIND], 0, Deadline.after(30.0), 20_000, explored
+    )
+    assert found.waypoints is not None
+    assert explored.runs == found.runs
+    assert explored.edges
+    assert all(checker.free(edge.begin, edge.end) for edge in explored.edges)
+
+
+def test_a_path_that_need_not_be_proved_is_looked_at_more_closely() -> None:
+    """The wire is met by some: what comes after has to prove them."""
+    checker, late = wire(), Deadline.after(60.0)
+    met = 0
+    for seed in range(8):
+        found = rrt_connect(checker, TREES_BEFORE, [TREES_BEHIND], seed, late, 20_000, proves=False)
+        path = found.waypoints
+        assert path is not None
+        assert np.array_equal(path[[0, -1]], [TREES_BEFORE, TREES_BEHIND])
+        shares = np.arange(9) / 8.0
+        for a, b in pairwise(path):
+            assert all(checker.valid(a + share * (b - a)) for share in shares)
+        met += not checker.polyline(path)[0].free
+    assert met > 0
+
+
+@pytest.mark.parametrize("count", [1, 7, 8, 9, 40, 333])
+def test_the_nearest_of_some_nodes(count: int) -> None:
+    random = np.random.default_rng(count)
+    for n in (1, 2, 6, 7, 9):
+        nodes = random.normal(size=(count, n))
+        blocks = np.full((count + 7) // 8 * 8 * n, np.nan)
+        for k, q in enumerate(nodes):
+            place_node(blocks, k, q)
+        asked = random.normal(size=(50, n))
+        away, found = KDTree(nodes).query(asked)
+        found = np.asarray(found)
+        answers = [nearest_node(blocks, count, q) for q in asked]
+        assert [node for node, _ in answers] == found.tolist()
+        assert np.allclose([distance for _, distance in answers], away, rtol=1e-14)
+        # The first of equals, and none that is nowhere.
+        again = np.vstack([nodes, nodes])
+        wider = np.full((2 * count + 7) // 8 * 8 * n, np.nan)
+        for k, q in enumerate(again):
+            place_node(wider, k, q)
+        assert [nearest_node(wider, 2 * count, q)[0] for q in asked] == found.tolist()
+        for k in range(count):
+            place_node(wider, k, np.full(n, np.inf))
+        assert [nearest_node(wider, 2 * count, q)[0] for q in asked] == (found + count).tolist()
+
+
+def test_nothing_is_nearest_where_all_nodes_were_taken_out() -> None:
+    blocks = np.empty(8 * 3)
+    place_node(blocks, 0, np.zeros(3))
+    place_node(blocks, 0, np.full(3, np.inf))
+    node, away = nearest_node(blocks, 1, np.ones(3))
+    assert (node, away) == (0, np.inf)
+
+
+#: Of two links in a plane: the first one between two posts can't be got out from there.
+NARROW_PASSAGE_BEFORE, NARROW_PASSAGE_ENCLOSED = np.array([-2.0, 0.3]), np.array([2.5, 0.0])
+
+
+def enclosed() -> Checker:
+    """Bars on both sides of the first link in ENCLOSED."""
+    posts = []
+    for k, angle in enumerate((2.2, 2.8)):
+        at = 0.3 * np.array([np.cos(angle), np.sin(angle)])
+        posts.append(box(f"post{k}", (0.04, 2.0, 0.04), (at[0], 0.0, at[1])))
+    return Checker.of(builtin("planar_rr"), Scene(tuple(posts)))
+
+
+def pairs(scene: Scene, max_edges: int = 100_000, *, proves: bool = True) -> TreePairs:
+    checker, roots = Checker.of(builtin("panda"), scene), np.array([START, GOAL])
+    return TreePairs(checker, roots, 3, Deadline.after(60.0), max_edges, None, proves)
+
+
+@pytest.mark.parametrize("scene", [pillar(0.0, 0.4), shelf(0.7)])
+def test_the_way_keeps_the_clearance_asked_for_and_is_found_again(scene: Scene) -> None:
+    robot, grown = builtin("panda"), pairs(scene)
+    path = find_narrow_passage(grown)
+    assert path is not None
+    assert np.array_equal(path[[0, -1]], [START, GOAL])
+    assert grown.runs >= 6
+    assert Checker.of(robot, scene).polyline(path)[0].free
+    world = FclWorld(robot, scene)
+    for a, b in pairwise(path):
+        assert not any(world.collisions(a + share * (b - a)) for share in np.linspace(0, 1, 30))
+    again = find_narrow_passage(pairs(scene))
+    assert again is not None
+    assert np.array_equal(path, again)
+
+
+def test_there_is_none_where_there_is_no_way() -> None:
+    roots = np.array([NARROW_PASSAGE_BEFORE, NARROW_PASSAGE_ENCLOSED])
+    grown = TreePairs(enclosed(), roots, 0, Deadline.after(60.0), 100_000, None, True)
+    assert find_narrow_passage(grown) is None
+    assert grown.edges <= 100_000
+
+
+def test_budgets_hold_whatever_pair_they_end_in() -> None:
+    for most in (1, 50, 200):
+        grown = pairs(shelf(0.7), most)
+        find_narrow_passage(grown)
+        # The last pair may take as many again for a shorter path.
+        assert grown.edges <= 2 * most
+
+
+STRAIGHT_LINE_START = np.array([-0.6, 0.0])
+STRAIGHT_LINE_BEHIND, BESIDE, FARTHER = (
+    np.array([0.6, 0.0]),
+    np.array([-0.6, 0.7]),
+    np.array([-0.5, 0.8]),
+)
+CHECKER = Checker.of(slider(), Scene((box("wall", (0.1, 1.0, 0.4), (0.0, 0.0, 0.0)),)))
+
+
+def test_the_first_goal_that_can_be_reached_is_taken() -> None:
+    path, motions = straight_line(
+        CHECKER, STRAIGHT_LINE_START, [STRAIGHT_LINE_BEHIND, BESIDE, FARTHER]
+    )
+    assert path is not None
+    np.testing.assert_array_equal(path, [STRAIGHT_LINE_START, BESIDE])
+    assert [motion.free for motion in motions] == [False, True]
+
+
+def test_blocked_motions_name_their_pair_and_place() -> None:
+    path, (motion,) = straight_line(CHECKER, STRAIGHT_LINE_START, [STRAIGHT_LINE_BEHIND])
+    assert path is None
+    assert motion.pair == ("ball", "wall")
+    # The ball of 5 cm meets the wall's face, 5 cm before the middle: 0.5 m of 1.2 m.
+    assert motion.colliding
+    assert 0.5 / 1.2 <= motion.at <= 0.7 / 1.2
+
+
+def test_a_motion_that_keeps_too_little_distance_is_not_free() -> None:
+    wary = Checker(CHECKER.model, 0.1)
+    past = np.array([-0.17, 0.5])
+    assert straight_line(CHECKER, STRAIGHT_LINE_START, [past])[0] is not None
+    path, _ = straight_line(wary, STRAIGHT_LINE_START, [past])
+    assert path is None
+
+
+def test_a_motion_that_no_look_finds_blocked_is_proved() -> None:
+    contact = CHECKER.straight(STRAIGHT_LINE_START, STRAIGHT_LINE_BEHIND)
+    assert contact.colliding
+    assert contact.pair == ("ball", "wall")
+    assert not CHECKER.valid(
+        STRAIGHT_LINE_START + contact.at * (STRAIGHT_LINE_BEHIND - STRAIGHT_LINE_START)
+    )
+    assert CHECKER.straight(STRAIGHT_LINE_START, BESIDE).free
+    # Thinner than the way from look to look: only the proof finds it.
+    thin = Checker.of(slider(), Scene((box("foil", (1e-5, 1.0, 0.4), (0.07, 0.0, 0.0)),)))
+    far = 30.0 * STRAIGHT_LINE_BEHIND
+    assert all(thin.valid(s * far) for s in np.linspace(-1.0, 1.0, 17))
+    path, (motion,) = straight_line(thin, -far, [far])
+    assert path is None
+    assert motion.pair == ("ball", "foil")
+
+
+@pytest.mark.parametrize("kind", [np.int64, np.float32])
+def test_numbers_of_other_kinds_are_looked_at_as_such(kind: Any) -> None:
+    one = np.array([1.0, 0.0])
+    other: Any = one.astype(kind)
+    assert CHECKER.straight(-other, other) == CHECKER.straight(-one, one)

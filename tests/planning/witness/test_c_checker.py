@@ -24,7 +24,7 @@ from tests.planning.witness.problems import (
     rejected,
 )
 from tests.planning.witness.test_by_hand import FALSE, split
-from tests.planning.witness.test_mutations import MUTATIONS
+from tests.planning.witness.test_witness import MUTATIONS
 
 SOURCE = ROOT / "checkers/c/armwright_check.c"
 MOST_LINES = 700

@@ -1,23 +1,30 @@
-"""Elements of the proof: pieces as they are, and boxes over them that hold all that is below."""
+"""Elements of pairs, and the boxes above pieces: they hold what is below them."""
 
 import itertools
+from itertools import product
 
 import numpy as np
 import pytest
 
 from kinematics.arrays import Array
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.convex.piece import PieceArrays, PieceKind
-from obstacles.distance.bvh import Tree, tree
-from obstacles.scenes.scene import Scene
-from planning.proof.collision import elements
-from planning.proof.collision.box_tree import BrokenTree
+from obstacles.distance.bvh import BOX, FIRST, SKIP, Tree, tree
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box
+from planning.proof.collision import elements, link_boxes, pair_table
+from planning.proof.collision.box_tree import BrokenTree, check_nodes, leaf_boxes
+from planning.proof.collision.collision_proof import CollisionProof
 from planning.proof.collision.elements import HOLDER, Elements, boxes_over, join, solids
 from planning.proof.collision.joined_pieces import join_pieces, join_primitives
 from planning.proof.collision.pair_table import PairTable
 from planning.proof.collision.proposals import packed_pieces
+from tests.obstacles.arms import cut_arm
 from tests.obstacles.collision.model.test_collision_model import mixed
 from tests.obstacles.shapes.test_primitives import random_scene
-from tests.planning.proof.collision.test_proposals import scattered
+from tests.planning.proof.collision.test_separating_direction import scattered
 from tests.planning.scenes import builtin
 
 SIGNS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
@@ -166,3 +173,156 @@ def test_primitives_are_joined_as_their_pieces_are(scene: Scene) -> None:
     assert nodes == expected_nodes
     for name in Elements._fields:
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), name)
+
+
+ROOT = np.zeros(1, dtype=np.int64)
+
+
+def boxes(seed: int, m: int) -> tuple[Array, Array]:
+    """Lowest and highest corners of random boxes, shape (m, 3)."""
+    rng = np.random.default_rng(seed)
+    middle, half = rng.normal(size=(m, 3)), rng.uniform(0.01, 0.3, size=(m, 3))
+    return middle - half, middle + half
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 7, 64, 501])
+def test_a_right_tree_is_taken_as_it_is(m: int) -> None:
+    low, high = boxes(m, m)
+    grown = tree(low, high)
+    of_leaves = leaf_boxes(grown.nodes, grown.items, low, high)
+    assert check_nodes(grown.nodes, 0, ROOT, of_leaves)[0] is grown.nodes
+
+
+@pytest.mark.parametrize("m", [1, 3, 64])
+@pytest.mark.parametrize("seed", range(10))
+def test_wrong_boxes_become_boxes_that_contain_everything(seed: int, m: int) -> None:
+    low, high = boxes(seed, m)
+    grown = tree(low, high)
+    rng = np.random.default_rng(seed)
+    lying = grown.nodes.copy()
+    k = int(rng.integers(len(lying)))
+    lying[k, BOX + 2] += 50.0
+    lying[k, BOX + 5] += 50.0
+    of_leaves = leaf_boxes(lying, grown.items, low, high)
+    right, _ = check_nodes(lying, 0, ROOT, of_leaves)
+    assert np.allclose(right[0, BOX : BOX + 3], low.min(axis=0))
+    assert np.allclose(right[0, BOX + 3 : BOX + 6], high.max(axis=0))
+    assert np.allclose(right[:, BOX : BOX + 6], grown.nodes[:, BOX : BOX + 6])
+
+
+def test_a_tree_that_lacks_a_solid_is_refused_of_box_tree() -> None:
+    low, high = boxes(0, 20)
+    grown = tree(low, high)
+    items = grown.items.copy()
+    items[3] = items[4]
+    with pytest.raises(BrokenTree, match="every solid once"):
+        leaf_boxes(grown.nodes, items, low, high)
+    with pytest.raises(BrokenTree, match="follow each other"):
+        leaf_boxes(grown.nodes, grown.items, *boxes(1, 21))
+
+
+def test_a_node_below_none_is_refused() -> None:
+    low, high = boxes(0, 40)
+    grown = tree(low, high)
+    nodes = grown.nodes.copy()
+    inner = int(np.flatnonzero(nodes[:, FIRST] < 0.0)[0])
+    nodes[inner + 1, SKIP] = len(nodes) - 1
+    of_leaves = leaf_boxes(nodes, grown.items, low, high)
+    with pytest.raises(BrokenTree, match="below none or several"):
+        check_nodes(nodes, 0, ROOT, of_leaves)
+
+
+ARM = cut_arm()
+SCENE = Scene((Obstacle("box", Box(np.full(3, 0.2)), np.eye(4) + np.eye(4, k=3) * 0.9),))
+
+
+def forget() -> None:
+    """Forget what was packed with boxes about links, or without."""
+    kept = (
+        link_boxes.link_parts, link_boxes.part_pairs, pair_table._own, pair_table._asked_rows,
+        pair_table._asked_of_pieces, pair_table._roots, pair_table._arrays,
+    )  # fmt: skip
+    for function in kept:
+        function.cache_clear()
+
+
+def below(table: PairTable, k: int) -> list[int]:
+    """The elements that hold nothing below one."""
+    arrays = table.arrays
+    if arrays.kinds[k] != HOLDER:
+        return [k]
+    kids = arrays.kids[arrays.below[k] : arrays.below[k + 1]]
+    return [leaf for kid in kids for leaf in below(table, int(kid))]
+
+
+@pytest.mark.parametrize("allowed", [frozenset(), frozenset({("base", "two"), ("box", "one")})])
+def test_every_pair_of_pieces_hangs_below_one_root(allowed: frozenset[tuple[str, str]]) -> None:
+    scene = Scene(SCENE.obstacles, allowed)
+    table = PairTable.of(ARM, scene, 0.0)
+    pieces, pairs = len(ARM.pieces), list[tuple[int, int]]()
+    assert len(table.arrays.roots) < 12
+    for i, j in table.arrays.roots.tolist():
+        pairs += product(below(table, i), below(table, j))
+    own = [(min(p), max(p)) for p in pairs if max(p) < pieces]
+    expected = {
+        (int(min(p)), int(max(p)))
+        for p in ARM.self_pairs
+        if not scene.allows(ARM.links[p[0]], ARM.links[p[1]])
+    }
+    assert len(own) == len(set(own))
+    assert set(own) == expected
+    against = [j for i, j in pairs if i >= table.arrays.moving]
+    met = [
+        k for k, link in enumerate(ARM.links) if link != "base" and not scene.allows(link, "box")
+    ]
+    assert sorted(against) == met
+
+
+def test_boxes_and_balls_hold_the_pieces_below_them() -> None:
+    arrays = PairTable.of(ARM, Scene(), 0.0).arrays
+    holders = [k for k in range(arrays.moving) if arrays.kinds[k] == HOLDER]
+    assert len(holders) > 20
+    for k in holders:
+        for kid in arrays.kids[arrays.below[k] : arrays.below[k + 1]]:
+            assert arrays.joints[kid] == arrays.joints[k]
+            corners = arrays.columns[:, arrays.starts[kid] : arrays.starts[kid + 1]].T
+            points = corners @ arrays.poses[kid, :3, :3].T + arrays.poses[kid, :3, 3]
+            if len(points):
+                assert (np.abs(points - arrays.boxes[k, :3]) <= arrays.boxes[k, 3:] + 1e-12).all()
+                away = np.linalg.norm(points - arrays.centers[k], axis=1)
+                assert away.max() <= arrays.radii[k] + 1e-12
+
+
+@pytest.mark.parametrize("length", [0.2, 1.0, 4.0])
+def test_motions_are_proved_as_without_boxes(
+    length: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Short and long ones, that are free or not, among them some whose ends are just free."""
+    random, checker = np.random.default_rng(11), Checker.of(ARM, SCENE)
+    world, outcomes = FclWorld(ARM, SCENE), set()
+    starts = [q for q in random.uniform(-np.pi, np.pi, (120, 3)) if checker.valid(q)][:14]
+    for q in starts:
+        step = random.normal(size=3)
+        end = q + length * step / np.linalg.norm(step)
+        coefficients = np.stack([q, (end - q) / 2.0], axis=1)[None]
+        motion = Trajectory(ARM.chain.joint_names, np.array([0.0, 2.0]), coefficients)
+        proof = CollisionProof(motion, ARM, SCENE, 0.0, None)
+        proof.run()
+        forget()
+        with monkeypatch.context() as without:
+            without.setattr(link_boxes, "_FEW", len(ARM.pieces))
+            plain = CollisionProof(motion, ARM, SCENE, 0.0, None)
+            plain.run()
+        forget()
+        assert (proof.violation is None) == (plain.violation is None)
+        outcomes.add(proof.violation is None)
+        if proof.violation is None:
+            for share in np.linspace(0.0, 1.0, 60):
+                world.set_configuration(q + share * (end - q))
+                assert not world.collisions(q + share * (end - q))
+            least = min(proof.clearances)
+            assert least >= 0.9 * min(plain.clearances) - 1e-9
+        else:
+            assert plain.violation is not None
+            assert proof.violation.time == pytest.approx(plain.violation.time, abs=1e-3)
+    assert True in outcomes

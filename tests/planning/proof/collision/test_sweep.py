@@ -1,29 +1,45 @@
-"""The sweep: earliest first, every instant once, stopping where somebody else has to decide."""
+"""The sweep: earliest first, every instant once, and what stays open."""
 
 import itertools
 
 import numpy as np
 import pytest
 
+from kinematics.pose import transform
+from kinematics.trajectory.trajectory import Trajectory
 from obstacles.scenes.scene import Obstacle, Scene
-from obstacles.shapes.shape import PointCloud
+from obstacles.shapes.shape import HalfSpace, PointCloud, Sphere
+from planning.proof.collision.interval_check import check_interval, sharp_enough
+from planning.proof.collision.pair_table import PairTable
 from planning.proof.collision.sweep import ASKING, DONE, FULL, PAUSED
 from planning.proof.collision.sweep_state import (
+    BEGIN,
     CENTER,
     DEPTH,
+    END,
     FIRST,
     HALF,
     LAST,
+    MIDDLE,
     OBSTACLE,
     OPEN,
+    OWN,
     PROBE,
     REFERRED,
     TOP,
     VISITS,
+    Sweep,
     enlarge,
+    moves_far,
+    note_clearance,
+    pass_on,
+    pop_interval,
+    push_halves,
 )
-from tests.planning.proof.sweeping import Started, start, through
+from planning.proof.motion_bounds import RADIUS, VALUE
+from tests.planning.proof.sweeping import WALL, Started, start, start_sweep, through
 from tests.planning.scenes import box
+from tests.planning.slider import slider
 
 ALONG = through([-0.9, 0.0], [0.3, 0.0])
 THERE_AND_BACK = through([-0.9, 0.0], [0.39, 0.0], [-0.9, 0.0])
@@ -174,3 +190,322 @@ def test_a_robot_among_nothing_is_done() -> None:
     started = start(ALONG, Scene())
     assert started.go() == DONE
     assert np.isinf(started.sweep.clearance).all()
+
+
+def random_motion(seed: int, pieces: int = 5) -> Trajectory:
+    """Joined cubics of unequal lengths."""
+    random = np.random.default_rng(seed)
+    lengths = random.uniform(0.01, 1.0, pieces)
+    coefficients = random.normal(size=(pieces, 2, 4)) * 0.2
+    for k in range(1, pieces):
+        coefficients[k, :, 0] = coefficients[k - 1] @ lengths[k - 1] ** np.arange(4)
+    breaks = np.concatenate([[0.0], np.cumsum(lengths)])
+    return Trajectory(slider().chain.joint_names, breaks, coefficients)
+
+
+def begun(trajectory: Trajectory) -> Sweep:
+    return start_sweep(trajectory, PairTable.of(slider(), WALL, 0.0).arrays)
+
+
+def pop_ends(trajectory: Trajectory, w: Sweep) -> None:
+    """Take the start and the end, so that the whole motion is next."""
+    for _ in range(2):
+        pop_interval(trajectory.breaks, trajectory.coefficients, w)
+
+
+def span(trajectory: Trajectory, w: Sweep) -> tuple[float, float]:
+    """The last interval from the start of the trajectory [s]."""
+    one = w.counters[FIRST] == w.counters[LAST]
+    begins = trajectory.breaks[w.counters[FIRST]] if one else 0.0
+    return float(begins + w.interval[BEGIN]), float(begins + w.interval[END])
+
+
+def test_it_starts_with_the_start_alone_and_probes_the_end_and_then_takes_all() -> None:
+    trajectory = random_motion(1)
+    w = begun(trajectory)
+    assert w.counters[TOP] == 3
+    pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    assert span(trajectory, w) == (0.0, 0.0)
+    np.testing.assert_allclose(w.joints[:, VALUE], trajectory.start)
+    assert w.counters[PROBE] == 0
+    pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    assert span(trajectory, w) == pytest.approx((trajectory.duration, trajectory.duration))
+    np.testing.assert_allclose(w.joints[:, VALUE], trajectory.end)
+    assert w.counters[PROBE] == 1
+    pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    assert span(trajectory, w) == (0.0, trajectory.duration)
+    assert w.counters[PROBE] == 0
+    assert w.counters[TOP] == 0
+    assert w.counters[VISITS] == 3
+
+
+@pytest.mark.parametrize("pieces", [1, 2, 5, 8])
+def test_halves_tile_the_trajectory_in_order(pieces: int) -> None:
+    random = np.random.default_rng(2)
+    trajectory = random_motion(3, pieces)
+    w = begun(trajectory)
+    pop_ends(trajectory, w)
+    reached = 0.0
+    while w.counters[TOP] > 0:
+        pop_interval(trajectory.breaks, trajectory.coefficients, w)
+        begin, end = span(trajectory, w)
+        assert begin == pytest.approx(reached, abs=1e-12)
+        depth = w.counters[DEPTH]
+        if depth < 3 or (depth < 12 and random.random() < 0.4):
+            w.counters[OPEN] = 0
+            push_halves(w, trajectory.breaks, True)
+            # An interval over several pieces is cut between two of them.
+            if w.counters[FIRST] < w.counters[LAST]:
+                assert w.counters[FIRST] < w.counters[MIDDLE] <= w.counters[LAST]
+            continue
+        reached = end
+    assert reached == pytest.approx(trajectory.duration)
+
+
+def test_pieces_are_halved_near_the_middle_in_time() -> None:
+    trajectory = through(*[[0.1 * k, 0.0] for k in range(6)], times=[0, 1, 2, 3, 9, 10])
+    w = begun(trajectory)
+    pop_ends(trajectory, w)
+    pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    # The first break that is not before the middle of ten seconds.
+    assert w.interval[CENTER] == 9.0
+    assert w.interval[HALF] >= 9.0
+
+
+def test_the_first_half_alone_leaves_out_what_is_later() -> None:
+    trajectory = random_motion(4, 4)
+    for depth in range(6):
+        w = begun(trajectory)
+        pop_ends(trajectory, w)
+        pop_interval(trajectory.breaks, trajectory.coefficients, w)
+        for _ in range(depth):
+            push_halves(w, trajectory.breaks, False)
+            assert w.counters[TOP] == 1
+            before = span(trajectory, w)
+            pop_interval(trajectory.breaks, trajectory.coefficients, w)
+            begin, end = span(trajectory, w)
+            assert begin == before[0] == 0.0
+            assert end < before[1]
+
+
+def test_joints_are_enclosed_on_every_interval() -> None:
+    random = np.random.default_rng(5)
+    for seed in range(4):
+        trajectory = random_motion(6 + seed)
+        w = begun(trajectory)
+        while w.counters[TOP] > 0:
+            pop_interval(trajectory.breaks, trajectory.coefficients, w)
+            times = np.clip(np.linspace(*span(trajectory, w), 25), 0.0, trajectory.duration)
+            away = np.abs(trajectory.sample(times) - w.joints[:, VALUE]).max(axis=0)
+            assert (away <= w.joints[:, RADIUS] + 1e-12).all()
+            assert w.interval[HALF] >= 0.5 * (w.interval[END] - w.interval[BEGIN])
+            if w.counters[DEPTH] < 3 or random.random() < 0.3:
+                push_halves(w, trajectory.breaks, True)
+
+
+def test_open_pairs_are_those_of_the_halves() -> None:
+    trajectory = random_motion(7)
+    w = begun(trajectory)
+    pop_ends(trajectory, w)
+    pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    w.counters[OPEN] = 3
+    push_halves(w, trajectory.breaks, True)
+    assert w.counts[1] == 3
+    assert w.counters[TOP] == 2
+    pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    assert w.counters[DEPTH] == 1
+
+
+def test_what_is_passed_on_unseen_has_the_pairs_it_had() -> None:
+    trajectory = random_motion(7)
+    w = begun(trajectory)
+    pop_ends(trajectory, w)
+    pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    before, whole = int(w.counts[0]), span(trajectory, w)
+    pass_on(w, trajectory.breaks)
+    assert w.counters[TOP] == 2
+    assert (w.starts[1], w.counts[1]) == (w.starts[0], before)
+    reached = whole[0]
+    while w.counters[TOP] > 0:
+        pop_interval(trajectory.breaks, trajectory.coefficients, w)
+        assert w.counters[DEPTH] == 1
+        assert span(trajectory, w)[0] == pytest.approx(reached)
+        reached = span(trajectory, w)[1]
+    assert reached == pytest.approx(whole[1])
+
+
+def test_far_is_what_all_joints_move_together() -> None:
+    for reach, far in ((0.3, False), (4.0, True)):
+        trajectory = through([0.0, 0.0], [reach, reach])
+        w = begun(trajectory)
+        pop_ends(trajectory, w)
+        assert not moves_far(w)
+        pop_interval(trajectory.breaks, trajectory.coefficients, w)
+        assert moves_far(w) is far
+
+
+def test_the_least_clearance_is_noted_with_its_pair() -> None:
+    w = begun(random_motion(8))
+    for against in (OBSTACLE, OWN):
+        for i, clearance in enumerate((0.5, 0.2, 0.3, 0.2, 0.1)):
+            note_clearance(w, against, i, 10 + i, clearance)
+        assert w.clearance[against] == 0.1
+        assert w.closest[against].tolist() == [4, 14]
+    other = begun(random_motion(8))
+    note_clearance(other, OWN, 1, 2, 0.3)
+    assert other.clearance.tolist() == [np.inf, 0.3]
+    # Of equal ones the first.
+    note_clearance(other, OWN, 3, 4, 0.3)
+    assert other.closest[OWN].tolist() == [1, 2]
+
+
+def test_twice_the_room_keeps_all_that_is_there() -> None:
+    w = begun(random_motion(9))
+    w.pairs[:] = np.arange(w.pairs.size).reshape(w.pairs.shape)
+    w.referred_moves[:] = 0.25
+    larger = enlarge(w)
+    for name in ("pairs", "directions", "referred", "referred_moves"):
+        old, new = getattr(w, name), getattr(larger, name)
+        assert len(new) == 2 * len(old)
+        np.testing.assert_array_equal(new[: len(old)], old)
+    for name in set(Sweep._fields) - {"pairs", "directions", "referred", "referred_moves"}:
+        assert getattr(larger, name) is getattr(w, name)
+
+
+INTERVAL_CHECK_THERE_AND_BACK = through([-0.9, 0.0], [0.35, 0.0], [-0.9, 0.0])
+
+
+def check(started: Started, intervals: int = 1) -> bool:
+    """Look at the first interval, the start alone, or at the third one, the whole motion."""
+    trajectory = started.trajectory
+    for _ in range(intervals):
+        pop_interval(trajectory.breaks, trajectory.coefficients, started.sweep)
+    return bool(check_interval(started.table.arrays, started.sweep))
+
+
+def left(started: Started) -> tuple[int, int]:
+    """Pairs left open, and pairs referred."""
+    counters = started.sweep.counters
+    return int(counters[OPEN]), int(counters[REFERRED])
+
+
+def at(x: float, scene: Scene = WALL, margin: float = 0.0) -> Started:
+    """A motion that begins at x and goes away."""
+    return start(through([x, 0.0], [-1.0, 0.0]), scene, margin)
+
+
+@pytest.mark.parametrize("x", [-0.5, 0.0, 0.39, 0.3999])
+def test_what_is_apart_is_settled_with_a_clearance_that_is_true(x: float) -> None:
+    """Where that is small it is told to a tenth, else 18 cm are enough."""
+    started = at(x)
+    assert check(started)
+    assert left(started) == (0, 0)
+    assert min(0.18, 0.91 * (0.4 - x)) <= started.sweep.clearance[OBSTACLE] <= 0.4 - x
+
+
+@pytest.mark.parametrize("x", [0.4, 0.41, 0.5])
+def test_what_touches_is_referred(x: float) -> None:
+    started = at(x)
+    assert check(started)
+    assert left(started) == (0, 1)
+    assert started.sweep.clearance[OBSTACLE] == np.inf
+
+
+@pytest.mark.parametrize(("reach", "expected"), [(0.04, (0, 1)), (0.3, (1, 0))])
+def test_an_overlap_is_referred_as_soon_as_it_is_seen(
+    reach: float, expected: tuple[int, int]
+) -> None:
+    """Over an interval that moves little, where the distance is asked for; else it is halved."""
+    started = start(through([0.5 - reach, 0.0], [0.5 + reach, 0.0]))
+    assert check(started, 3)
+    assert left(started) == expected
+
+
+@pytest.mark.parametrize(("x", "referred"), [(0.29, 0), (0.31, 1)])
+def test_margins_of_the_motion_and_of_the_obstacle_add_up(x: float, referred: int) -> None:
+    (wall,) = WALL.obstacles
+    scene = Scene((Obstacle("wall", wall.shape, wall.T_world_obstacle, 0.06),))
+    started = at(x, scene, margin=0.04)
+    assert check(started)
+    assert left(started) == (0, referred)
+
+
+def test_a_pair_that_may_touch_is_not_looked_at() -> None:
+    started = at(0.5, Scene(WALL.obstacles, {("ball", "wall")}))
+    assert check(started)
+    assert left(started) == (0, 0)
+    assert np.isinf(started.sweep.clearance).all()
+    # Among others that it may not touch, in one tree with them.
+    others = [box(f"b{k}", (0.1, 0.1, 0.1), (0.5, 0.3 + 0.2 * k, 0.0)) for k in range(3)]
+    among = at(0.5, Scene([*WALL.obstacles, *others], {("ball", "wall")}))
+    assert check(among)
+    assert left(among) == (0, 0)
+    assert 0.05 <= among.sweep.clearance[OBSTACLE] <= 0.2
+    touching = at(0.5, Scene([*WALL.obstacles, *others], {("ball", "b0")}))
+    assert check(touching)
+    assert left(touching) == (0, 1)
+
+
+def test_over_an_interval_that_moves_farther_than_the_gap_it_stays_open() -> None:
+    """0.05 before the wall in its middle, 1.3 m away at its ends: it proves nothing."""
+    started = start(INTERVAL_CHECK_THERE_AND_BACK)
+    assert check(started, 3)
+    assert left(started) == (1, 0)
+    i, j = started.sweep.pairs[started.sweep.starts[1]]
+    assert started.table.names(int(i), int(j)) == ("ball", "wall")
+
+
+def test_along_a_wall_motion_costs_no_distance() -> None:
+    """A direction is found in which the ball does not move: one interval settles two metres."""
+    started = start(through([0.0, -0.3], [0.0, 0.3]))
+    assert check(started, 3)
+    assert left(started) == (0, 0)
+    # Its ball and box alone would leave 0.1 m of the 0.4 m.
+    assert 0.05 <= started.sweep.clearance[OBSTACLE] <= 0.4
+    near = start(through([0.39, -0.3], [0.39, 0.3]))
+    assert check(near, 3)
+    assert left(near) == (0, 0)
+    assert 0.008 <= near.sweep.clearance[OBSTACLE] <= 0.01
+
+
+def test_a_sum_of_many_pairs_leaves_what_each_leaves() -> None:
+    scene = Scene((
+        Obstacle("floor", HalfSpace(np.array([0.0, 1.0, 0.0]), -0.02)),
+        box("far", (0.1, 0.1, 0.1), (0.5, 0.9, 0.9)),
+        box("touched", (0.1, 0.1, 0.1), (-0.5, 0.0, 0.0)),
+        Obstacle("ball2", Sphere(0.1), transform(None, [-0.5, 0.2, 0.0])),
+    ))  # fmt: skip
+    started = start(through([-0.5, 0.0], [0.0, 0.0]), scene)
+    assert check(started)
+    opened, referred = left(started)
+    assert opened == 0
+    names = {started.table.names(int(i), int(j))[1] for i, j in started.sweep.referred[:referred]}
+    assert names == {"floor", "touched"}
+    # The other ball is 0.05 away.
+    assert 0.04 <= started.sweep.clearance[OBSTACLE] <= 0.05
+
+
+def test_without_room_for_what_stays_open_it_says_so() -> None:
+    started = start(INTERVAL_CHECK_THERE_AND_BACK)
+    k = len(started.table.arrays.roots)
+    narrow = started.sweep._replace(pairs=started.sweep.pairs[:k].copy())
+    assert not check(started._replace(sweep=narrow), 3)
+
+
+def test_clearances_that_are_told_need_to_be_sharp() -> None:
+    """Not at all, beyond what is of use to anybody, or a share of the least one met."""
+    assert sharp_enough(0.01, False) == -np.inf
+    assert sharp_enough(np.inf, False) == -np.inf
+    small, medium, far = (sharp_enough(nearest, True) for nearest in (1e-3, 0.01, np.inf))
+    assert 0.0 < small < 1e-3
+    assert small < medium < 0.01
+    assert medium < far < np.inf
+    assert medium / small == pytest.approx(10.0)
+    assert sharp_enough(1e6, True) == far
+
+
+def test_own_links_are_not_kept_a_margin_apart() -> None:
+    started = at(0.1, Scene(), margin=0.5)
+    assert check(started)
+    assert left(started) == (0, 0)
+    assert started.sweep.clearance[OWN] == np.inf

@@ -1,4 +1,4 @@
-"""Constraints of whole motions: reports, the first violation, planners' verdicts not believed."""
+"""Constraints of whole motions: reports, limits, the first violation."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,6 +8,7 @@ import pytest
 from numpy.polynomial import Chebyshev, Polynomial
 from scipy.interpolate import CubicSpline
 
+from kinematics.errors import MissingLimit
 from kinematics.forward import forward
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
@@ -19,10 +20,31 @@ from planning.constraints.kinds.constraint import (
     Geometric,
     JointConstraint,
     PositionConstraint,
+    ToolSpeedConstraint,
+    TorqueConstraint,
 )
 from planning.constraints.kinds.region import SphereRegion
+from planning.constraints.row import Row
+from planning.proof.constraints import residual_row
+from planning.proof.constraints.constraint_limits import constrained_efforts, constrained_margin
 from planning.proof.constraints.constraints import check_motion
+from planning.proof.constraints.residual_row import (
+    AXIS,
+    CARRIER,
+    CENTER,
+    DIRECTION,
+    KIND,
+    LOWER,
+    POINT,
+    REFERENCE,
+    TURN,
+    UPPER,
+    WIDTH,
+    pack,
+)
+from planning.values.limits import EffortLimits
 from tests.planning.constraints.samples import some_of_each
+from tests.planning.slider import slider
 
 CHAIN = builtin_chain("planar_rr")
 FIRST, SECOND = CHAIN.joint_names
@@ -207,3 +229,110 @@ def test_what_planners_say_of_their_edges_is_not_believed(monkeypatch: pytest.Mo
     monkeypatch.setattr(edge_bounds, "edge_kernel", lambda *_: (edge_bounds.EdgeVerdict.HOLDS, 1.0))
     asked = (JointConstraint(FIRST, 0.0, 0.9, 0.9),)
     assert check_motion(ConstraintSet(CHAIN, asked), turn())[1] is not None
+
+
+PANDA = builtin_chain("panda")
+
+
+def given(
+    *constraints: ClearanceConstraint | ToolSpeedConstraint | TorqueConstraint,
+) -> ConstraintSet:
+    """Constraints on the Panda."""
+    return ConstraintSet(PANDA, constraints)
+
+
+def test_the_largest_clearance_counts() -> None:
+    both = given(ClearanceConstraint(0.01), ClearanceConstraint(0.03))
+    assert constrained_margin(0.02, both) == 0.03
+    assert constrained_margin(0.05, both) == 0.05
+    assert constrained_margin(0.02, None) == 0.02
+
+
+def test_the_strictest_limit_of_each_kind_counts() -> None:
+    first, second = [80.0, 10.0, 90.0, 90.0, 10.0, 10.0, 10.0], [20.0] * 7
+    asked = given(
+        ToolSpeedConstraint(0.5), ToolSpeedConstraint(0.2),
+        TorqueConstraint(first), TorqueConstraint(second),
+    )  # fmt: skip
+    limits = constrained_efforts(None, asked, PANDA)
+    assert limits is not None
+    assert limits.tool_speed == 0.2
+    assert limits.effort is not None
+    assert np.array_equal(limits.effort, np.minimum(first, second))
+    stricter = EffortLimits(PANDA, np.full(7, 15.0), 0.1)
+    limits = constrained_efforts(stricter, asked, PANDA)
+    assert limits is not None
+    assert limits.tool_speed == 0.1
+    assert limits.effort is not None
+    assert np.array_equal(limits.effort, np.minimum(np.minimum(first, second), 15.0))
+
+
+def test_torques_without_numbers_are_the_robots() -> None:
+    limits = constrained_efforts(None, given(TorqueConstraint()), PANDA)
+    assert limits is not None
+    assert limits.effort is not None
+    assert np.array_equal(limits.effort, PANDA.limits.effort)
+    assert limits.tool_speed is None
+
+
+def test_limits_are_as_given_where_no_constraint_says_more() -> None:
+    loads = EffortLimits(PANDA, np.full(7, 15.0), 0.1)
+    assert constrained_efforts(loads, None, PANDA) is loads
+    assert constrained_efforts(loads, given(ClearanceConstraint(0.1)), PANDA) is loads
+    assert constrained_efforts(None, None, PANDA) is None
+
+
+def test_a_torque_limit_that_is_not_known_is_named() -> None:
+    unknown = replace(PANDA, limits=replace(PANDA.limits, effort=np.full(7, np.nan)))
+    with pytest.raises(MissingLimit):
+        constrained_efforts(None, ConstraintSet(unknown, (TorqueConstraint(),)), unknown)
+
+
+VECTORS = {"point": POINT, "axis": AXIS, "center": CENTER, "direction": DIRECTION}
+
+
+def rows() -> tuple[Row, ...]:
+    both = (JointConstraint("jy", 0.2, 0.1, 0.3), JointConstraint("jx", -0.5, 0.0, 0.25))
+    random = np.random.default_rng(1)
+    # All that rows of joints leave at zero is given a value of its own.
+    return tuple(
+        replace(
+            row, reference=k, point=random.normal(size=3), axis=random.normal(size=3),
+            center=random.normal(size=3), direction=random.normal(size=3),
+            turn=random.normal(size=(3, 3)),
+        )
+        for k, row in enumerate(ConstraintSet(slider().chain, both).rows)
+    )  # fmt: skip
+
+
+def test_every_number_is_in_its_column() -> None:
+    packed = pack(rows())
+    assert packed.shape == (2, WIDTH)
+    for line, row in zip(packed, rows(), strict=True):
+        assert line[KIND] == row.kind
+        assert line[CARRIER] == row.carrier
+        assert line[REFERENCE] == row.reference
+        for name, first in VECTORS.items():
+            np.testing.assert_array_equal(line[first : first + 3], getattr(row, name))
+        assert (line[LOWER], line[UPPER]) == (row.lower, row.upper)
+        np.testing.assert_array_equal(line[TURN:].reshape(3, 3), row.turn)
+
+
+def test_bounds_are_those_that_were_asked_for() -> None:
+    packed = pack(rows())
+    assert packed[:, LOWER] == pytest.approx([-0.1, -0.75])
+    assert packed[:, UPPER] == pytest.approx([0.3, -0.5])
+
+
+def test_columns_do_not_overlap() -> None:
+    widths = {"KIND": 1, "CARRIER": 1, "REFERENCE": 1, "POINT": 3, "AXIS": 3, "CENTER": 3,
+              "DIRECTION": 3, "LOWER": 1, "UPPER": 1, "TURN": 9}  # fmt: skip
+    at = 0
+    for name, width in widths.items():
+        assert getattr(residual_row, name) == at
+        at += width
+    assert at == WIDTH
+
+
+def test_no_rows_pack_to_nothing() -> None:
+    assert pack(()).shape == (0, WIDTH)
