@@ -239,11 +239,14 @@ from armwright_wire.plans.stages import OpenStage as OpenStage
 from armwright_wire.plans.stages import PlaceGrid as PlaceGrid
 from armwright_wire.plans.stages import PlaceRegion as PlaceRegion
 from armwright_wire.plans.stages import PlaceStage as PlaceStage
+from armwright_wire.plans.stages import RegraspStage as RegraspStage
+from armwright_wire.plans.stages import RestingPlaces as RestingPlaces
 from armwright_wire.plans.stages import RetreatStage as RetreatStage
 from armwright_wire.plans.stages import SeamStage as SeamStage
 from armwright_wire.plans.stages import SetStage as SetStage
 from armwright_wire.plans.stages import SignalStage as SignalStage
 from armwright_wire.plans.stages import StraightStage as StraightStage
+from armwright_wire.plans.stages import Via as Via
 from armwright_wire.plans.stages import WaitForStage as WaitForStage
 from armwright_wire.plans.stages import WaitStage as WaitStage
 from armwright_wire.plans.task import EventAnswer as EventAnswer

@@ -1,7 +1,7 @@
 """Stages of tasks on the wire."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
@@ -77,9 +77,10 @@ class StageBody(Body):
     )
 
 
-class Via(Goal):
+class Via(Body):
     """A configuration or pose, or one of a set, that a free motion goes through."""
 
+    goal: Goal = Field(description="one, or any of several")
     blend: Annotated[Positive, Field(le=10.0)] | None = Field(
         None,
         description="pass without resting, at most so far from it, Euclidean in joint space "
@@ -128,13 +129,7 @@ class MoveStage(StageBody):
         """Stages that go to what is in `via`, with all else as in this one."""
         left_out = ("goal", "tolerance", "end_of", "via", "blend", "name")
         own = {name: x for name, x in self if name in self.model_fields_set - {*left_out}}
-        return [
-            MoveStage(**own, goal=Goal(**_set_fields(at)), blend=at.blend) for at in self.via or ()
-        ]
-
-
-def _set_fields(at: Via) -> dict[str, Any]:
-    return {name: x for name, x in at if name in at.model_fields_set and name != "blend"}
+        return [MoveStage(**own, goal=at.goal, blend=at.blend) for at in self.via or ()]
 
 
 class StraightStage(StageBody):
@@ -353,10 +348,19 @@ class PlaceGrid(Body):
     )
 
 
+class RestingPlaces(Body):
+    """Poses of the object on the flat tops of its supports, each face down that it stands on."""
+
+    samples: Annotated[list[Samples], Field(min_length=2, max_length=2)] = Field(
+        [3, 3], description="spots along x and y of each top"
+    )
+    angle_samples: Samples = Field(4, description="turns that are tried at each")
+
+
 class PlaceStage(StageBody, BodyWithRules):
     """A choice among poses of the held object; without an approach, a free motion there."""
 
-    one_of: ClassVar[tuple[str, ...]] = ("poses", "region", "grid", "stack")
+    one_of: ClassVar[tuple[str, ...]] = ("poses", "region", "grid", "stack", "resting")
 
     kind: Literal["place"] = "place"
     object: Label | None = Field(None, description="what is held, if that is one thing")
@@ -368,6 +372,9 @@ class PlaceStage(StageBody, BodyWithRules):
     stack: PlaceGrid | None = Field(
         None, description="likewise; each object may touch the one that was put there before it"
     )
+    resting: RestingPlaces | None = Field(
+        None, description="poses found from the shapes of the object and of `support`, as it stands"
+    )
     relative_to: Label | None = Field(
         None, description="an obstacle in whose frame the poses are, wherever it then stands"
     )
@@ -375,6 +382,12 @@ class PlaceStage(StageBody, BodyWithRules):
         None, description="what it is put on: they may touch from the approach to detach"
     )
     touch_depth: TouchDepth = TOUCH_DEPTH
+
+    @model_validator(mode="after")
+    def _check_resting(self) -> "PlaceStage":
+        if self.resting is not None and (None in (self.object, self.support) or self.relative_to):
+            raise ValueError("resting needs object and support, and no relative_to")
+        return self
 
 
 class AttachStage(StageBody, BodyWithRules):
@@ -505,6 +518,33 @@ class ForEachStage(Body):
         return self
 
 
+class RegraspStage(BodyWithRules):
+    """The object may be put down and be grasped again, where no one grasp does for all."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("supports", "poses", "region")
+    only_beside: ClassVar[Beside] = {"support": ("poses", "region")}
+
+    kind: Literal["regrasp"] = "regrasp"
+    supports: Annotated[list[Label], Field(min_length=1, max_length=100)] | None = Field(
+        None, examples=[["bench"]], description="obstacles with a flat top to put it down on"
+    )
+    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=MAX_TARGETS)] | None = Field(
+        None, description="of the object where it is put down"
+    )
+    region: PlaceRegion | None = Field(None, description="of such poses, in place of a list")
+    support: Support | None = Field(None, description="what it stands on there")
+    grasps: Grasps | None = Field(
+        None,
+        description="of the grasps after; those of the grasp before if left out, antipodal ones "
+        "where these are top or side",
+    )
+    most: Annotated[int, Field(ge=1, le=3)] = Field(1, description="how often at most")
+    distance: Distance = Field(
+        [0.02, 0.08],
+        description="[least, most] way down to where it is put, and of the tool off it",
+    )
+
+
 class FallbackStage(Body):
     """Alternatives in order: the first that can be done, with all that follows."""
 
@@ -521,6 +561,8 @@ def _with_kind(value: object) -> object:
         for kind in ("for_each", "fallback"):
             if kind in value:
                 return {"kind": kind, **value}
+        if "regrasp" in value:
+            return {"kind": "regrasp", **value["regrasp"]}
     return value
 
 
@@ -546,7 +588,7 @@ SingleStage: TypeAlias = (
     | WaitForStage
 )
 StageUnion = Annotated[
-    SingleStage | ForEachStage | FallbackStage,
+    SingleStage | ForEachStage | FallbackStage | RegraspStage,
     Field(discriminator="kind"),
     BeforeValidator(_with_kind),
 ]

@@ -14,7 +14,12 @@ from armwright_wire.plans import stages as stages_of
 from armwright_wire.plans.stages import SingleStage
 from armwright_wire.plans.task import TaskRequest
 from kinematics.arrays import Array
-from kinematics.errors import ArmwrightError, InvalidOption
+from kinematics.errors import (
+    ArmwrightError,
+    InvalidLinkName,
+    InvalidObjectName,
+    InvalidOption,
+)
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
@@ -35,6 +40,7 @@ from planning.sequence.world import Held, World
 from service.endpoints.attached_objects import attachment, requested_scene, scene_notes
 from service.endpoints.plan.task import check_solids, reproducibility
 from service.endpoints.tasks import translation
+from service.endpoints.tasks.regrasp import regrasp_stages
 from service.endpoints.tasks.stage_cells import (
     moved,
     stage_cells,
@@ -94,7 +100,8 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
             made = translation.stages(body, own, robots, world.scene, start, options.timeout)
         except ArmwrightError as error:
             k = error.details.get("index")
-            if k is None or flat[k].of is None:
+            unknown = isinstance(error, InvalidObjectName | InvalidLinkName)
+            if unknown or k is None or flat[k].of is None:
                 raise
             # What can't be gripped so may be in another order, or by another alternative.
             failure = SequenceFailure(error.code, error.message, error.hint or "", k,
@@ -334,14 +341,20 @@ def blocks(stages: Sequence[stages_of.StageUnion]) -> Blocks:
         stages: Stages of the request, in order.
     """
     made: list[Block[SingleStage]] = []
-    for stage in stages:
+    for k, stage in enumerate(stages):
+        if isinstance(stage, stages_of.RegraspStage):
+            again = regrasp_stages(stage, stages[:k])
+            made.append(Fallback([again * count for count in range(stage.most + 1)]))
+            continue
         if isinstance(stage, stages_of.MoveStage) and stage.via is not None:
             made += stage.through()
         made.append(_block(stage))
     return made
 
 
-def _block(stage: stages_of.StageUnion) -> Block[SingleStage]:
+def _block(
+    stage: SingleStage | stages_of.ForEachStage | stages_of.FallbackStage,
+) -> Block[SingleStage]:
     match stage:
         case stages_of.ForEachStage():
             items = next(iter(stage.for_each.values()))

@@ -26,6 +26,7 @@ from obstacles.robots.grasps import (
     object_down,
     surface_of,
 )
+from obstacles.robots.resting import resting_places
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.options import CartesianOptions, Options
@@ -275,6 +276,8 @@ class _Translator:
     def _places(self, body: schema.PlaceStage, k: int) -> Array:
         where = f"stages[{k}]"
         region, grid = body.region, body.grid or body.stack
+        if body.resting is not None:
+            return self._resting(body, body.resting)
         given = body.poses if region is None else [region.pose]
         given = [grid.pose] if grid is not None else given
         assert given is not None
@@ -299,6 +302,17 @@ class _Translator:
             (region.angles[0], region.angles[1]),
             (region.samples[0], region.samples[1], region.angle_samples),
         )
+
+    def _resting(self, body: schema.PlaceStage, how: schema.RestingPlaces) -> Array:
+        shape = self._scene.obstacle(str(body.object)).shape
+        under = [self._scene.obstacle(name) for name in supports(body.support)]
+        found = resting_places(shape, under, (how.samples[0], how.samples[1]), how.angle_samples)
+        if not len(found):
+            raise InvalidOption(
+                f"resting: {body.object!r} stands firmly nowhere on {supports(body.support)}",
+                hint="Name a larger support, or give poses.",
+            )
+        return found[: schema.MAX_TARGETS]
 
 
 def _still(

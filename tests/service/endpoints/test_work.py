@@ -221,7 +221,8 @@ def test_the_tip_of_what_is_held_leads_and_sets_of_poses_are_passed() -> None:
     there = {"position": [0.4, -0.1, 0.35], "rpy": [np.pi, 0.3, 0.0]}
     end = {"position": [0.5, -0.1, 0.3], "rpy": [np.pi, 0.3, 0.0]}
     far = {"pose": {"position": [2.0, 0, 0.4], "rpy": [np.pi, 0, 0]}}
-    via = {"any_of": [far, {"pose": {"position": [0.4, 0.1, 0.45], "rpy": [np.pi, 0, 0]}}]}
+    near = {"pose": {"position": [0.4, 0.1, 0.45], "rpy": [np.pi, 0, 0]}}
+    via = {"goal": {"any_of": [far, near]}}
     pick = TASK["stages"][0]["stages"][:6]
     pick = json.loads(json.dumps(pick).replace("{object}", "part_1"))
     stages = [
@@ -264,11 +265,92 @@ def test_the_tip_of_what_is_held_leads_and_sets_of_poses_are_passed() -> None:
     assert isinstance(view(mounted(body), None, json.dumps(kept).encode()), bytes)
 
 
+#: A bar between walls, where it is taken from above, and a shelf that it goes into from the side.
+TIGHT = [
+    solid("bench", "box", [0.55, 0.0, 0.0], size=[0.9, 1.4, 0.04]),
+    solid("bar", "box", [0.5, 0.3, 0.08], size=[0.03, 0.03, 0.12]),
+    *(solid(f"wall_{k}", "box", [0.5 + x, 0.3 + y, 0.07], size=size)
+      for k, (x, y, size) in enumerate([
+          (0.08, 0, [0.02, 0.18, 0.1]), (-0.08, 0, [0.02, 0.18, 0.1]),
+          (0, 0.1, [0.14, 0.02, 0.1]), (0, -0.1, [0.14, 0.02, 0.1])])),
+    solid("lid", "box", [0.55, -0.35, 0.25], size=[0.3, 0.3, 0.02]),
+]  # fmt: skip
+
+
+def carried(*between: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    grasps = [
+        {"position": [0, 0, 0.04], "rpy": [np.pi, 0, 0]},
+        *({"position": [0, 0, 0.03], "rpy": [np.pi / 2, 0, a]} for a in np.arange(8) * np.pi / 4),
+    ]
+    stages = [
+        {"kind": "move"}, {"kind": "approach", "distance": [0.04, 0.08], "name": "down"},
+        {"kind": "grasp", "object": "bar", "grasps": grasps, "touch_links": ["parallel_jaw"],
+         "support": "bench"},
+        {"kind": "close", "until": "contact"}, {"kind": "attach", "object": "bar", "mass": 0.1},
+        {"kind": "lift", "distance": [0.12, 0.15]}, *between, {"kind": "move"},
+        {"kind": "approach", "distance": [0.01, 0.03], "direction": [0, 0, -1], "frame": "root"},
+        {"kind": "place", "support": "bench",
+         "poses": [{"position": [0.55, -0.3, 0.08], "rpy": [0, 0, k * np.pi / 4]}
+                   for k in range(8)]},
+        {"kind": "open"}, {"kind": "detach"}, {"kind": "retreat", "distance": [0.05, 0.08]},
+    ]  # fmt: skip
+    return {"robot": "ur5e", "tool": "parallel_jaw", "start": {"joints": HOME}, "timeout": 60,
+            "scene": {"obstacles": TIGHT}, "stages": stages} | changes  # fmt: skip
+
+
+def test_what_no_single_grasp_carries_is_put_down_and_grasped_again() -> None:
+    alone = problem_of(plan_sequence, mounted(carried()), carried())
+    assert alone.code == "PLANNING_FAILED"
+    again = {"regrasp": {"supports": ["bench"]}}
+    body = carried(again, timing={"sample_period": 0.05})
+    answer = answer_of(plan_sequence, mounted(body), body, TaskAnswer)
+    grasps = [s["choice"] for s in answer["stages"] if s["kind"] == "grasp"]
+    assert grasps[0] == 0
+    assert grasps[1] > 0
+    items = [s["item"] for s in answer["stages"]]
+    assert items == [None] * 6 + ["alternative 1"] * 12 + [None] * 6
+    put = next(s for s in answer["stages"] if s["kind"] == "detach")["after"]["objects"][0]["pose"]
+    T, corners = transform_of(put), np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1)
+                                              for z in (-1, 1)]) * [0.015, 0.015, 0.06]  # fmt: skip
+    heights = np.sort((corners @ T[:3, :3].T + T[:3, 3])[:, 2])
+    assert heights[:4] == pytest.approx([0.02] * 4, abs=1e-6)
+    assert answer["stages"][-1]["after"]["objects"][0]["pose"]["position"] == pytest.approx(
+        [0.55, -0.3, 0.08], abs=1e-4
+    )
+    made = program("POST /v1/tasks", body, answer, format="urscript_movej")
+    assert made["proved"]
+    # Where one grasp does, nothing is put down.
+    free = body | {"scene": {"obstacles": [o for o in TIGHT if o["id"] != "lid"]}}
+    answer = answer_of(plan_sequence, mounted(free), free, TaskAnswer)
+    assert [s["kind"] for s in answer["stages"]].count("grasp") == 1
+
+
+@pytest.mark.parametrize(
+    ("again", "told"),
+    [
+        ({"supports": ["bar"]}, "on itself"),
+        ({"supports": ["nothing"]}, "no obstacle 'nothing'"),
+        ({"supports": ["lid"], "most": 2, "distance": [0.3, 0.31]}, "no combination"),
+    ],
+)
+def test_what_can_not_be_put_down_says_why(again: dict[str, Any], told: str) -> None:
+    body = carried({"kind": "regrasp", **again})
+    try:
+        message = problem_of(plan_sequence, mounted(body), body).message
+    except ArmwrightError as error:
+        message = error.message
+    assert told in message
+    early = body | {"stages": [{"kind": "regrasp", **again}, *body["stages"][:2]]}
+    with pytest.raises(InvalidOption, match="nothing is grasped and attached before it"):
+        plan_sequence(mounted(early), None, json.dumps(early).encode())
+
+
 def test_a_move_goes_through_one_of_each_set() -> None:
     first, second = ({"joints": [x, -1.2, 1.3, -1.6, -1.57, 0.0]} for x in (0.6, 1.4))
     below = {"joints": [0.6, 0.6, 1.3, -1.6, -1.57, 0.0]}
     move = {"kind": "move", "name": "way", "goal": {"joints": [2.0, *HOME[1:]]},
-            "via": [{"any_of": [below, first], "blend": 0.2}, second | {"blend": 0.2}]}  # fmt: skip
+            "via": [{"goal": {"any_of": [below, first]}, "blend": 0.2},
+                    {"goal": second, "blend": 0.2}]}  # fmt: skip
     answer = solved(stages=[move, {"kind": "move", "end_of": "way"}])[1]
     assert [s["choice"] for s in answer["stages"]] == [1, 0, 0, 0]
     assert [s["passes"] for s in answer["stages"]] == [True, True, False, False]

@@ -83,6 +83,10 @@ def task_stages(pose: dict[str, Any], constraints: list[dict[str, Any]]) -> list
         {"kind": "wait_for", "input": "ready", "value": False},
         *({"kind": "place", name: {"pose": pose, "step": [0.1, 0.1, 0.1], "count": [2, 2, 1],
                                    "first": 1, "fill": "any"}} for name in ("grid", "stack")),
+        {"kind": "move", "goal": {"joints": [0.1]},
+         "via": [{"goal": {"any_of": [{"joints": [0.1]}]}, "blend": 0.1}]},
+        {"kind": "place", "object": "crate", "support": "table",
+         "resting": {"samples": [2, 2], "angle_samples": 3}},
     ]  # fmt: skip
     single = [common | {"name": f"#{k}"} | stage for k, stage in enumerate(stages)]
     return [
@@ -90,6 +94,10 @@ def task_stages(pose: dict[str, Any], constraints: list[dict[str, Any]]) -> list
         {"kind": "for_each", "for_each": {"object": ["a", "b"]}, "order": "free",
          "stages": [{"kind": "wait", "duration": 1.0}]},
         {"kind": "fallback", "fallback": [[{"kind": "wait", "duration": 1.0}]]},
+        {"kind": "regrasp", "supports": ["table"], "grasps": {"top": {}}, "most": 2,
+         "distance": [0.02, 0.1]},
+        {"kind": "regrasp", "poses": [pose], "support": "table"},
+        {"kind": "regrasp", "region": {"pose": pose}, "support": ["table"]},
     ]  # fmt: skip
 
 
