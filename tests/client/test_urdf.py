@@ -61,6 +61,15 @@ def test_meshes_of_a_package(tmp_path: Path, root: str) -> None:
         assert_sent(RobotUpload.from_urdf(lone, package_dirs=[folder]), content)
 
 
+def test_a_package_is_known_by_its_manifest_whatever_its_folder_is_called(tmp_path: Path) -> None:
+    clone, uri = tmp_path / "A_Clone", "package://arm_description/meshes/a.stl"
+    content, urdf = mesh(clone / "meshes" / "a.stl"), write(clone / "urdf" / "arm.urdf", uri)
+    with pytest.raises(InvalidArgument, match="package_dirs"):
+        RobotUpload.from_urdf(urdf)
+    (clone / "package.xml").write_text("<package><name>arm_description</name></package>")
+    assert_sent(RobotUpload.from_urdf(urdf), content)
+
+
 def test_a_package_of_another_name_is_not_taken(tmp_path: Path) -> None:
     mesh(tmp_path / "meshes" / "a.stl")
     urdf = write(tmp_path / "arm.urdf", "package://other/meshes/a.stl")

@@ -40,7 +40,7 @@ CHECKED = {
     "docs/how_to/back_up.md": "two databases; storage/test_back_up.py runs it",
     "docs/how_to/generated_clients.md": "npm; tests/client/test_generated.py makes one of both",
     "docs/how_to/release.md": "these tests, minutes, and a repository to push to",
-    "docs/pick_and_place.md": "a server in the background; test_example_pick_and_place.py runs it",
+    "docs/pick_and_place.md": "a public robot, a server; test_example_pick_and_place.py runs it",
     "docs/potential_fields.md": "a server beside it; test_example_potential_field.py runs it",
     "docs/studio.md": "an installation; tests/command_line/test_studio.py runs the page",
     "docs/tutorials/docker.md": "Docker",

@@ -161,11 +161,12 @@ def _folders(name: str, path: Path, package_dirs: Sequence[Path]) -> Iterator[Pa
         if start.resolve().name == name:
             yield start
     for start in path.parents:
-        if start.name == name or _is_package(start, name):
+        if start.name == name or is_package(start, name):
             yield start
         yield start / name
 
 
-def _is_package(folder: Path, name: str) -> bool:
+def is_package(folder: Path, name: str) -> bool:
+    """Whether a folder is a package of ROS of a name, by its package.xml."""
     manifest = folder / "package.xml"
     return manifest.is_file() and f"<name>{name}</name>" in manifest.read_text("utf-8", "replace")

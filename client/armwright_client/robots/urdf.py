@@ -19,7 +19,7 @@ from urllib.parse import unquote
 from xml.etree import ElementTree as ET
 
 from armwright_client.robots.mjcf import read_mjcf
-from armwright_client.robots.sources import UrdfFile, description_in, is_mjcf, urdf_text
+from armwright_client.robots.sources import UrdfFile, description_in, is_mjcf, is_package, urdf_text
 from armwright_wire.errors import InvalidArgument
 
 _PACKAGE = "package://"
@@ -137,7 +137,7 @@ def _candidates(uri: str, folder: Path, package_dirs: Sequence[Path]) -> Iterato
     own = folder.resolve()
     for start in (own, *own.parents):
         yield start / path
-        if start.name == package:
+        if start.name == package or is_package(start, package):
             yield start / rest
 
 
