@@ -1,16 +1,18 @@
-"""A path made quicker where that is worth the clearance it costs.
+"""A path made quicker where that is worth the clearance it costs: shortcuts in time, not in length.
 
 A path that was moved away from what it passes has many corners, and each of them costs time. Here
-waypoints are left out, drawn half-way or a fifth of the way to the line between their neighbours,
-put together two by two, or cut off, whichever brings most, as long as
+waypoints are left out, cut off, drawn towards the line between their neighbours, or shifted in some
+joints, at random and always alike, as long as the time estimated falls, and
 
     cost = sum over legs of  time (1 + weight * shortfall / preferred)
 
-falls: the time estimated, and how far the leg is below the preferred clearance on average. So a
+too, where the shortfall is how far the leg is below the preferred clearance on average. So a
 long way round is not taken for the sake of a few millimetres, nor clearance given away for nothing.
-Where the legs that a step replaces lack nothing the new ones are proved to lack nothing either.
-A step is only looked at for clearance where the time alone would make it worth its while, and only
-proved where it still is then.
+The slowest joint alone counts for the time of a leg: to lead it straight and the others round
+something is quicker than the shortest path. Where the legs that a step replaces lack nothing the
+new ones are proved to lack nothing either, and states of the curves that round their corners keep
+it. A step is only looked at for clearance where the time alone would make it worth its while; what
+is left in the end is proved.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,12 +23,23 @@ from typing import NamedTuple
 import numpy as np
 
 from compiled.kernel import direct, kernel
-from kinematics.arrays import Array, Indices
+from compiled.random import State, uniform_kernel
+from compiled.simd import LANES, on_stack
+from kinematics.arrays import Array
 from obstacles.collision.checker import Checker, any_model
+from obstacles.collision.lanes.check import blocked_between, blocked_lanes
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays, at_margins
 from obstacles.collision.proximity import line_deficit
-from planning.search.shortcut import Held, Look, are_proved, is_free, look_of, looks_free
+from planning.search.shortcut import (
+    Held,
+    Look,
+    are_proved,
+    distance,
+    is_free,
+    look_of,
+    looks_free,
+)
 from planning.timing.estimate import LEG_ROWS, Leg, estimated_time
 
 #: States looked at for their clearance are this far apart at most, Euclidean in joint space.
@@ -36,25 +49,21 @@ _SPACING = 0.25
 class Step(IntEnum):
     """Change at one waypoint of a path.
 
-    It is left out, drawn in, put together with the next half-way, cut off at the half and at the
-    quarter of its legs, drawn in by less.
+    It is left out, cut off, drawn towards the line between its neighbours, or shifted.
     """
 
     LEFT_OUT = 0
-    DRAWN_IN = 1
-    JOINED = 2
-    CUT_AT_HALF = 3
-    CUT_AT_QUARTER = 4
-    DRAWN_LESS = 5
+    CUT_OFF = 1
+    DRAWN_IN = 2
+    SHIFTED = 3
 
 
-_STEPS = len(Step)
-
-
-#: Edge checks after which the path stays as it is.
-_MAX_CHECKS = 60
+#: Steps that are drawn, and those among them that are looked at for clearance, at most.
+_MAX_TRIALS, _MAX_CHECKS = 300, 120
 #: Paths with more waypoints stay as they are.
 MAX_WAYPOINTS = 48
+#: Waypoints that a path may get more, at most.
+_MORE_WAYPOINTS = 8
 
 
 class _Way(NamedTuple):
@@ -66,9 +75,7 @@ class _Way(NamedTuple):
         trial: The waypoints after a step, shape (c, n).
         expected: Shortfalls after it, shape (c,).
         legs: As ``estimated_time`` fills them.
-        tried: Steps of each waypoint that are known to bring nothing, a bit each, shape (c,).
-        costs: After each step, shape (c, _STEPS).
-        checks: Edge checks that were made, shape (1,).
+        random: Generator of the steps.
     """
 
     points: Array
@@ -76,9 +83,7 @@ class _Way(NamedTuple):
     trial: Array
     expected: Array
     legs: Array
-    tried: Indices
-    costs: Array
-    checks: Indices
+    random: State
 
 
 class _Bounds(NamedTuple):
@@ -89,14 +94,16 @@ class _Bounds(NamedTuple):
         least: The margins, and the slack.
         slack: Distance to keep beyond the margins [m].
         limits: Of velocity, acceleration and jerk, shape (3, n).
+        positions: Lower and upper limits of the joints, shape (2, n).
         weight: Of a shortfall [1/m].
-        later: Whether legs that lack nothing by the looks are proved free in the end.
+        later: Whether legs are looked at coarsely, and proved free in the end.
     """
 
     preferred: Look
     least: Look
     slack: float
     limits: Array
+    positions: Array
     weight: float
     later: bool
 
@@ -128,7 +135,9 @@ def quicken(
     weight = 6.0 / preferred.model.margin
     points = np.ascontiguousarray(waypoints, np.float64)
     slack = float(least.slack)
-    bounds = _Bounds(look_of(preferred, 0.0), look_of(least), slack, limits, weight, True)
+    looks, joints = (look_of(preferred, 0.0), look_of(least)), least.model.robot.chain.limits
+    positions = np.stack([joints.lower, joints.upper])
+    bounds = _Bounds(*looks, slack, limits, positions, weight, True)
     return _quicken_directly()(least.model.arrays, bounds, points, spacious, proves)
 
 
@@ -136,7 +145,7 @@ def quicken(
 def _quicken_directly() -> Callable[[ModelArrays, _Bounds, Array, bool, bool], Array]:
     """``quicken_kernel`` without the look at its arguments' types, which would cost too much."""
     look, points = Look(0.0, 0.0, 0.0), np.zeros((1, 1))
-    bounds = _Bounds(look, look, 0.0, points, 0.0, True)
+    bounds = _Bounds(look, look, 0.0, points, points, 0.0, True)
     return direct(quicken_kernel, any_model(), bounds, points, True, True)
 
 
@@ -145,20 +154,22 @@ def quicken_kernel(
     model: ModelArrays, bounds: _Bounds, waypoints: Array, spacious: bool, proves: bool
 ) -> Array:
     """``quicken`` of waypoints (k, n), k >= 3, legs that lack nothing proved later, or never."""
-    room, n = waypoints.shape[0] + _MAX_CHECKS, waypoints.shape[1]
+    room, n = waypoints.shape[0] + _MORE_WAYPOINTS, waypoints.shape[1]
     way = _Way(
         np.empty((room, n)), np.empty(room), np.empty((room, n)), np.empty(room),
-        np.empty((LEG_ROWS, room)), np.zeros(room, dtype=np.int64), np.empty((room, _STEPS)),
-        np.empty(1, dtype=np.int64),
+        np.empty((LEG_ROWS, room)), np.zeros(1, dtype=np.uint64),
     )  # fmt: skip
     work, held = workspace(model), Held(bounds.preferred, bounds.slack, True)
     count = _start(model, work, bounds, way, waypoints, spacious)
     count = _quicken(model, work, bounds, way, count)
-    if proves and not are_proved(model, work, held, way.points[:count], waypoints):
+    points = way.points[:count]
+    kept = _lack_nothing(model, work, bounds, way, count)
+    if not kept or (proves and not are_proved(model, work, held, points, waypoints)):
         # Between two looks it came too near: once more, with a proof of every leg.
         at_once = _Bounds(
-            bounds.preferred, bounds.least, bounds.slack, bounds.limits, bounds.weight, False
-        )
+            bounds.preferred, bounds.least, bounds.slack, bounds.limits, bounds.positions,
+            bounds.weight, False,
+        )  # fmt: skip
         count = _start(model, work, at_once, way, waypoints, spacious)
         count = _quicken(model, work, at_once, way, count)
     return way.points[:count].copy()
@@ -171,13 +182,26 @@ def _start(
 ) -> int:  # fmt: skip
     """Write the waypoints (k, n) and what their legs lack; their number."""
     count = int(waypoints.shape[0])
+    way.random[0] = 0
     for k in range(count):
-        way.tried[k], way.shortfall[k] = 0, 0.0
+        way.shortfall[k] = 0.0
         for j in range(waypoints.shape[1]):
             way.points[k, j] = waypoints[k, j]
     if not spacious:
         _write_shortfalls(model, work, bounds, way, count)
     return count
+
+
+@kernel(allocates=False)
+def _lack_nothing(
+    model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, count: int
+) -> bool:
+    """Whether the legs that are said to lack nothing do not by many looks either."""
+    for k in range(count - 1):
+        a, b = way.points[k], way.points[k + 1]
+        if way.shortfall[k] == 0.0 and not looks_free(model, work, bounds.preferred, a, b):
+            return False
+    return True
 
 
 @kernel(allocates=False)
@@ -193,58 +217,52 @@ def _write_shortfalls(
 
 @kernel(allocates=False)
 def _quicken(model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, count: int) -> int:
-    """Take steps while they bring something; the number of waypoints then."""
-    checks = way.checks
-    checks[0] = 0
-    cost = _cost(bounds, way.points, way.shortfall, way.legs, count)
-    while checks[0] < _MAX_CHECKS:
-        # A step that lowers the cost by less than 0.5 % is none.
-        enough = 0.995 * cost
-        _write_costs(bounds, way, count)
-        after = enough
-        while checks[0] < _MAX_CHECKS:
-            k, step = _cheapest(way.costs, count)
-            if not way.costs[k, step] < enough:
-                break
-            way.costs[k, step] = np.inf
-            way.tried[k] |= 1 << step
-            after = _try(model, work, bounds, way, count, k, step, enough)
-            if after < enough:
-                count = _take(way, count, k, step)
-                break
-        if not after < enough:
+    """Take steps that bring something; the number of waypoints then."""
+    legs, checks = way.legs, 0
+    time = estimated_time(way.points, count, bounds.limits, legs)
+    cost = time + _shortfall_cost(bounds, way.shortfall, legs, count)
+    for _ in range(_MAX_TRIALS):
+        if count < 3 or checks >= _MAX_CHECKS:
             break
-        cost = after
+        # A step that lowers time or cost by less than 0.05 % is none.
+        less = 0.9995
+        k, step = _draw(way, count)
+        size = _step(way, count, k, step)
+        if not _is_inside(bounds.positions, way.trial[k]):
+            continue
+        after = estimated_time(way.trial, size, bounds.limits, legs)
+        total = after + _shortfall_cost(bounds, way.expected, legs, size)
+        if not (after < less * time and total < less * cost):
+            continue
+        checks += 1
+        total = _look(model, work, bounds, way, (size, k, step), total, less * cost)
+        if total < less * cost:
+            count, time, cost = _take(way, size), after, total
     return count
 
 
-@kernel(allocates=False)
-def _write_costs(bounds: _Bounds, way: _Way, count: int) -> None:
-    """Write what the path costs after each step if its new legs lack nothing."""
-    for k in range(1, count - 1):
-        for step in range(_STEPS):
-            way.costs[k, step] = np.inf
-            if way.tried[k] & (1 << step) or (step == Step.JOINED and k == count - 2):
-                continue
-            size = _step(way, count, k, step)
-            way.costs[k, step] = _cost(bounds, way.trial, way.expected, way.legs, size)
+@kernel
+def _is_inside(positions: Array, q: Array) -> bool:
+    """Whether a configuration (n,) is within bounds (2, n)."""
+    return bool(np.all((positions[0] <= q) & (q <= positions[1])))
 
 
 @kernel(allocates=False)
-def _cheapest(costs: Array, count: int) -> tuple[int, int]:
-    """The waypoint and the step after which the path costs least."""
-    at, best = 1, 0
-    for k in range(1, count - 1):
-        for step in range(_STEPS):
-            if costs[k, step] < costs[at, best]:
-                at, best = k, step
-    return at, best
+def _draw(way: _Way, count: int) -> tuple[int, Step]:
+    """An inner waypoint and a step of it, at random."""
+    k = 1 + int((count - 2) * uniform_kernel(way.random))
+    share = uniform_kernel(way.random)
+    if share < 0.1:
+        return k, Step.LEFT_OUT
+    if share < 0.2 and count < way.points.shape[0]:
+        return k, Step.CUT_OFF
+    return k, Step.DRAWN_IN if share < 0.5 else Step.SHIFTED
 
 
 @kernel(allocates=False)
-def _cost(bounds: _Bounds, points: Array, shortfall: Array, legs: Array, count: int) -> float:
-    """Cost of a path of ``count`` waypoints [s]."""
-    total = estimated_time(points, count, bounds.limits, legs)
+def _shortfall_cost(bounds: _Bounds, shortfall: Array, legs: Array, count: int) -> float:
+    """Cost of what the legs of a path of ``count`` waypoints lack [s]."""
+    total = 0.0
     for k in range(count - 1):
         total += bounds.weight * shortfall[k] * legs[Leg.TIME, k]
     return total
@@ -255,9 +273,7 @@ def _sizes(step: int) -> tuple[int, int]:
     """Numbers of waypoints that a step takes out and brings in their place."""
     if step == Step.LEFT_OUT:
         return 1, 0
-    if step in (Step.DRAWN_IN, Step.DRAWN_LESS):
-        return 1, 1
-    return (2, 1) if step == Step.JOINED else (1, 2)
+    return (1, 2) if step == Step.CUT_OFF else (1, 1)
 
 
 @kernel(allocates=False)
@@ -271,92 +287,108 @@ def _step(way: _Way, count: int, k: int, step: int) -> int:
         if i < k or i >= k + brought:
             for j in range(points.shape[1]):
                 trial[i, j] = points[source, j]
-        if i < k - 1 or i >= k + brought:
-            expected[i] = way.shortfall[source]
-        else:
-            expected[i] = 0.0
-    # How far a waypoint is drawn in, as part of the way to the line between its neighbours.
-    half_way, less = 0.5, 0.2
-    if step == Step.DRAWN_IN:
-        _draw_in(points, k, half_way, trial)
-    elif step == Step.DRAWN_LESS:
-        _draw_in(points, k, less, trial)
-    elif step == Step.JOINED:
-        for j in range(points.shape[1]):
-            trial[k, j] = 0.5 * (points[k, j] + points[k + 1, j])
-    elif step != Step.LEFT_OUT:
-        share = 0.5 if step == Step.CUT_AT_HALF else 0.25
+        expected[i] = way.shortfall[source] if i < k - 1 or i >= k + brought else 0.0
+    if step == Step.CUT_OFF:
+        # Shares of the legs that are cut off.
+        share = 0.1 + 0.5 * uniform_kernel(way.random)
         for j in range(points.shape[1]):
             trial[k, j] = points[k, j] + share * (points[k - 1, j] - points[k, j])
             trial[k + 1, j] = points[k, j] + share * (points[k + 1, j] - points[k, j])
+    elif step == Step.DRAWN_IN:
+        share, part = uniform_kernel(way.random), uniform_kernel(way.random)
+        for j in range(points.shape[1]):
+            on_line = points[k - 1, j] + share * (points[k + 1, j] - points[k - 1, j])
+            trial[k, j] = points[k, j] + part * (on_line - points[k, j])
+    elif step == Step.SHIFTED:
+        # About half of the joints, by at most 20 to 500 mrad.
+        most = 0.02 * 25.0 ** uniform_kernel(way.random)
+        for j in range(points.shape[1]):
+            shift = most * (4.0 * uniform_kernel(way.random) - 2.0)
+            trial[k, j] = points[k, j] + (shift if abs(shift) < most else 0.0)
     return size
 
 
 @kernel(allocates=False)
-def _draw_in(points: Array, k: int, part: float, trial: Array) -> None:
-    """Write waypoint k a part of the way to its place on the line between its neighbours."""
-    before, after = 0.0, 0.0
-    for j in range(points.shape[1]):
-        before += (points[k, j] - points[k - 1, j]) ** 2
-        after += (points[k + 1, j] - points[k, j]) ** 2
-    before, after = np.sqrt(before), np.sqrt(after)
-    share = before / max(before + after, 1e-12)
-    for j in range(points.shape[1]):
-        on_line = points[k - 1, j] + share * (points[k + 1, j] - points[k - 1, j])
-        trial[k, j] = points[k, j] + part * (on_line - points[k, j])
-
-
-@kernel(allocates=False)
-def _try(
-    model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, count: int, k: int, step: int,
-    enough: float,
+def _look(
+    model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, change: tuple[int, int, int],
+    cost: float, enough: float,
 ) -> float:  # fmt: skip
-    """Cost of the path after a step; infinite where that is not enough or not proved free."""
-    trial, expected, legs = way.trial, way.expected, way.legs
-    size = _step(way, count, k, step)
-    cost = _cost(bounds, trial, expected, legs, size)
+    """Cost of the path after a step; infinite where that is not enough or not free.
+
+    Args:
+        model: The packed robot and scene.
+        work: A workspace of theirs.
+        bounds: Distances and limits.
+        way: The path, and the one after the step.
+        change: Number of its waypoints, the waypoint of the step, and the step.
+        cost: Its cost if the new legs lack nothing.
+        enough: Cost that is too much.
+    """
+    trial, expected, legs, (size, k, step) = way.trial, way.expected, way.legs, change
     taken, brought = _sizes(step)
-    if not np.any(way.shortfall[k - 1 : k + taken]):
-        way.checks[0] += 1
-        for i in range(k - 1, k + brought):
-            if not looks_free(model, work, bounds.preferred, trial[i], trial[i + 1]):
-                return np.inf
-        way.checks[0] += brought
-        if bounds.later:
-            return cost
-        held = Held(bounds.preferred, bounds.slack, False)
-        for i in range(k - 1, k + brought):
-            if not is_free(model, work, held, trial[i], trial[i + 1], way.checks):
-                return np.inf
-        return cost
-    looked = at_margins(model, bounds.preferred.margin, bounds.preferred.own_margin)
-    for i in range(k - 1, k + brought):
-        worth = bounds.weight * legs[Leg.TIME, i]
-        most = (enough - cost) / worth if worth > 0.0 else np.inf
-        expected[i] = line_deficit(looked, work, trial[i], trial[i + 1], _SPACING, most)
-        cost += worth * expected[i]
-        if not cost < enough:
+    lacks = np.any(way.shortfall[k - 1 : k + taken])
+    look = bounds.least if lacks else bounds.preferred
+    looked = at_margins(model, look.margin, look.own_margin)
+    for i in range(max(k - 1, 1), min(k + brought + 1, size - 1)):
+        if _is_blocked_corner(looked, work, trial, i, look.slack):
             return np.inf
-    held = Held(bounds.least, bounds.slack, False)
     for i in range(k - 1, k + brought):
-        if not is_free(model, work, held, trial[i], trial[i + 1], way.checks):
+        if bounds.later and _is_blocked_leg(looked, work, trial[i], trial[i + 1], look.slack):
+            return np.inf
+    if lacks:
+        deficits = at_margins(model, bounds.preferred.margin, bounds.preferred.own_margin)
+        for i in range(k - 1, k + brought):
+            worth = bounds.weight * legs[Leg.TIME, i]
+            most = (enough - cost) / worth if worth > 0.0 else np.inf
+            expected[i] = line_deficit(deficits, work, trial[i], trial[i + 1], _SPACING, most)
+            cost += worth * expected[i]
+            if not cost < enough:
+                return np.inf
+    if bounds.later:
+        return cost
+    held, checks = Held(look, bounds.slack, False), on_stack(1).view(np.int64)
+    for i in range(k - 1, k + brought):
+        if not is_free(model, work, held, trial[i], trial[i + 1], checks):
             return np.inf
     return cost
 
 
 @kernel(allocates=False)
-def _take(way: _Way, count: int, k: int, step: int) -> int:
-    """Make the path after a step the path; its waypoints. Steps beside it may be tried again."""
-    taken, brought = _sizes(step)
-    size, tried = count - taken + brought, way.tried
-    if brought < taken:
-        for i in range(k, size):
-            tried[i] = tried[i + 1]
-    elif brought > taken:
-        for i in range(size - 1, k, -1):
-            tried[i] = tried[i - 1]
-    for i in range(max(k - 2, 0), min(k + brought + 1, size)):
-        tried[i] = 0
+def _is_blocked_leg(
+    model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float
+) -> bool:  # fmt: skip
+    """Whether a state on a leg is not free: a few look at what a proof tells in the end."""
+    # Way between two of them at most, and their number at most.
+    parts, spacing, most = 8, 0.1, 32
+    while parts < most and parts * spacing < distance(a, b):
+        parts *= 2
+    return bool(blocked_between(model, work, a, b, slack, 2, parts))
+
+
+@kernel(allocates=False)
+def _is_blocked_corner(
+    model: ModelArrays, work: Workspace, points: Array, k: int, slack: float
+) -> bool:
+    """Whether a state on the widest curve about waypoint k is not free."""
+    before, after = distance(points[k - 1], points[k]), distance(points[k], points[k + 1])
+    reach = 0.5 * min(before, after)
+    for number in range(LANES):
+        # The way left to the middle of the curve of two cubics, from either end.
+        way = (number + 1.0) / (0.5 * LANES + 0.5)
+        rest = abs(way - 1.0)
+        off = reach * (1.0 - rest) ** 3 / 6.0
+        for j in range(points.shape[1]):
+            u = (points[k, j] - points[k - 1, j]) / max(before, 1e-12)
+            v = (points[k + 1, j] - points[k, j]) / max(after, 1e-12)
+            along = -rest * reach * u if way < 1.0 else rest * reach * v
+            work.lanes[LANES * j + number] = points[k, j] + along + off * (v - u)
+    every = (1 << LANES) - 1
+    return bool(blocked_lanes(model, work, slack, every, every) != 0)
+
+
+@kernel(allocates=False)
+def _take(way: _Way, size: int) -> int:
+    """Make the path after a step the path; its waypoints."""
     for i in range(size):
         way.shortfall[i] = way.expected[i]
         for j in range(way.points.shape[1]):

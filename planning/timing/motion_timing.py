@@ -152,7 +152,7 @@ class _RoundedMotion:
         if wide is not None and wide.is_clear:
             self.left_path = True
             return wide.spline
-        reaches = self._reaches(even=True)
+        reaches = self._reaches(near=True)
         rounded = self.parametrization.near_corners(self.points, reaches)
         if rounded is not None:
             spline = self._spline_near(rounded, reaches, wide, names)
@@ -214,7 +214,7 @@ class _RoundedMotion:
         """
         if not self.preferred:
             return None
-        reaches = self._widest_reaches(even=True)
+        reaches = self._widest_reaches(near=True)
         rounded = self.parametrization.near_corners(self.points, reaches)
         if rounded is None:
             return None
@@ -224,33 +224,29 @@ class _RoundedMotion:
             return None
         return _Wide(reaches, spline, _keeps(self.preferred[0], spline.trajectory))
 
-    def _reaches(self, *, even: bool = False) -> Array:
-        """Reaches of the corners that are proved free, found once for each way to pass them."""
-        even = even or self.parametrization.even_corners
-        if even not in self._found_reaches:
-            self._found_reaches[even] = self._find_reaches(even)
-        return self._found_reaches[even]
+    def _reaches(self, *, near: bool = False) -> Array:
+        """Reaches of the corners that are proved free, for a motion near the path or on it."""
+        if near not in self._found_reaches:
+            self._found_reaches[near] = certified_reaches(
+                self.checker,
+                self.points,
+                self.deadline,
+                smooth=self.parametrization.smooth,
+                most=self._widest_reaches(near=near),
+                preferred=[level for level in self.preferred if level is not self.checker],
+            )
+        return self._found_reaches[near]
 
-    def _widest_reaches(self, *, even: bool) -> Array:
+    def _widest_reaches(self, *, near: bool) -> Array:
         """Reaches of the corners that are worth being proved free."""
-        if even not in self._found_widest:
+        if near not in self._found_widest:
             tolerance, parametrization = self.timing.blend_tolerance, self.parametrization
             largest = largest_reaches(self.points)
             if tolerance is not None:
                 largest = reach_for_deviation(self.points, tolerance, parametrization.smooth)
-            widest = parametrization.widest_reaches(self.points, largest, even=even)
-            self._found_widest[even] = widest
-        return self._found_widest[even]
-
-    def _find_reaches(self, even: bool) -> Array:
-        return certified_reaches(
-            self.checker,
-            self.points,
-            self.deadline,
-            smooth=self.parametrization.smooth,
-            most=self._widest_reaches(even=even),
-            preferred=[level for level in self.preferred if level is not self.checker],
-        )
+            widest = largest if near else parametrization.widest_reaches(self.points, largest)
+            self._found_widest[near] = widest
+        return self._found_widest[near]
 
     def _is_as_clear(self, motion: Trajectory, rounded: Pieces) -> bool:
         """Whether a motion keeps the highest level that the rounded one keeps, or a higher one."""

@@ -15,9 +15,9 @@ from planning.timing.estimate import estimate_limits
 from planning.timing.jerk.even_corners import (
     Pieces,
     fastest_reaches,
-    rounded_pieces_kernel,
     time_even_corners,
 )
+from planning.timing.jerk.jerk_limited import rough_pieces
 from planning.timing.method import JerkUse, PathLimits, TimingMethod
 from planning.timing.options import Method, Solver, TimingFailed
 from planning.timing.path.blend import blend, merge
@@ -100,9 +100,9 @@ class TimeParametrization:
         return None if self.loads is None else self.loads.tool_speed
 
     def near_corners(self, waypoints: Array, reaches: Array) -> Pieces | None:
-        """A motion that ``spline_near`` may be near to; rounding may exceed the limits.
+        """A motion that ``spline_near`` may be near to; it may exceed the limits.
 
-        None where the method has no such splines.
+        None where the method has no such splines, or no speed along the path is found.
 
         Args:
             waypoints: Shape (k, n), merged.
@@ -110,7 +110,10 @@ class TimeParametrization:
         """
         if not (self.near_path and len(waypoints) > 2):
             return None
-        return rounded_pieces_kernel(waypoints, reaches, self.jerk_bounds)
+        try:
+            return rough_pieces(blend(waypoints, reaches, smooth=True), self.jerk_bounds)
+        except TimingFailed:
+            return None
 
     def spline_near(
         self, motion: Pieces, joint_names: Sequence[str], legs: int, rate: float
@@ -179,15 +182,14 @@ class TimeParametrization:
             return None
         return slowed._replace(solver=scaled.solver)
 
-    def widest_reaches(self, waypoints: Array, largest: Array, *, even: bool = False) -> Array:
+    def widest_reaches(self, waypoints: Array, largest: Array) -> Array:
         """Reaches of a polyline's corners that are worth being proved free, shape (k - 2,).
 
         Args:
             waypoints: Merged, shape (k, n), k >= 3.
             largest: Reaches at most, shape (k - 2,).
-            even: Whether corners are to be passed at constant speed though there are loads.
         """
-        if not (self.even_corners or (even and self.few_pieces)) or len(waypoints) < 3:
+        if not self.even_corners or len(waypoints) < 3:
             return largest
         return fastest_reaches(waypoints, self.jerk_bounds, largest)
 

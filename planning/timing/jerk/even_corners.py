@@ -28,7 +28,6 @@ from planning.timing.jerk.double_s import (
 from planning.timing.path.blend import (
     kept_waypoints_kernel,
     largest_reaches_kernel,
-    rounded_kernel,
 )
 from planning.timing.path.path import JointPath, compose_kernel
 from planning.timing.time_scaling import ScaledTime, dilate
@@ -238,19 +237,6 @@ def time_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array
     pieces = pieces_kernel(path.coefficients, path.lengths, limits)
     motion = Trajectory(tuple(joint_names), *pieces)
     return dilate(motion, *limits)._replace(solver="double_s")
-
-
-@kernel
-def rounded_pieces_kernel(waypoints: Array, reaches: Array, limits: Array) -> Pieces:
-    """The pieces of ``time_even_corners`` along ``blend`` of a merged polyline.
-
-    Args:
-        waypoints: Shape (k, n), k >= 2.
-        reaches: Reaches of the corners, within their largest ones, shape (k - 2,).
-        limits: Limits of velocity, acceleration and jerk, shape (3, n).
-    """
-    path, spans = rounded_kernel(waypoints, reaches, True)
-    return pieces_kernel(path, spans, limits)
 
 
 @kernel

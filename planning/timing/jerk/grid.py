@@ -34,8 +34,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled.kernel import kernel
-from kinematics.arrays import Array
-from planning.timing.path.path import JointPath, piece_values
+from kinematics.arrays import Array, Indices
+from planning.timing.path.path import JointPath
 
 
 class JerkLimits(NamedTuple):
@@ -189,6 +189,77 @@ def envelope_kernel(h: Array, rises: Array, z: Array) -> None:
     z[0], z[cells + 1] = z[1], z[cells]
 
 
+@kernel
+def scale_kernel(rows: JerkLimits, z: Array, inside: float) -> bool:
+    """Make z the part ``inside`` of its largest multiple inside all limits; False if none is."""
+    low, high = -1.0, 1.0
+    while not inside_kernel(rows, z * math.exp(low)):
+        low *= 2.0
+        if not low > -500.0:
+            return False
+    for _ in range(8):
+        middle = 0.5 * (low + high)
+        if inside_kernel(rows, z * math.exp(middle)):
+            low = middle
+        else:
+            high = middle
+    z *= inside * math.exp(low)
+    return True
+
+
+@kernel
+def start_kernel(rows: JerkLimits, z: Array) -> bool:
+    """Write a shape between constant and as fast as the limits allow place by place, inside all.
+
+    Args:
+        rows: The limits.
+        z: Filled, shape (N + 2,).
+
+    Returns:
+        False where not even standing nearly still is inside.
+    """
+    caps, rises = np.empty(rows.caps.shape[0]), np.empty(rows.caps.shape[0])
+    _still_kernel(rows, caps, rises)
+    last, shape = z.shape[0] - 1, np.empty(z.shape[0])
+    for k in range(1, last):
+        shape[k] = min(caps[k - 1], caps[k])
+    shape[0], shape[last] = shape[1], shape[last - 1]
+    envelope_kernel(rows.lengths, rises, shape)
+    best, found = np.inf, False
+    # First guesses are these powers of the highest speeds place by place, as fast as stays inside.
+    for power in (1.0, 0.7, 0.4, 0.0):
+        trial = shape**power
+        if not scale_kernel(rows, trial, 0.7):
+            continue
+        time = time_kernel(rows, trial)
+        if not found or time < best:
+            best, found = time, True
+            z[:] = trial
+    return found
+
+
+@kernel(allocates=False)
+def _still_kernel(rows: JerkLimits, caps: Array, rises: Array) -> None:
+    """Write the largest c at each knot where c stands still, and its largest change to the next."""
+    h, last = rows.lengths, rows.caps.shape[0] - 1
+    for i in range(last + 1):
+        cap, slope = rows.caps[i], np.inf
+        for k in range(rows.knot_counts[i]):
+            e, f, low, high = rows.knot_rows[i, k]
+            if e > 0.0:
+                cap = min(cap, high / e)
+            elif e < 0.0:
+                cap = min(cap, low / e)
+            if f != 0.0:
+                slope = min(slope, min(high, -low) / abs(f))
+        for cell, end in ((i, 0), (i - 1, 1)):
+            for k in range(rows.jerk_counts[cell] if 0 <= cell < last else 0):
+                most = abs(rows.jerk_rows[cell, end, k, 0])
+                if most > 0.0:
+                    cap = min(cap, most ** (-2.0 / 3.0))
+        caps[i], rises[i] = cap, 0.5 * slope * (h[i] + h[i + 1])
+
+
 # phi(T) / T: the length of a ramp for each unit of tau.
 _RAMP = 0.6
 
@@ -283,11 +354,46 @@ def _inverse(y: Array) -> Array:
     return answer
 
 
+class Cells(NamedTuple):
+    """Numbers of the cells of a grid.
+
+    Args:
+        straight: On each straight piece of the path.
+        curved: On each curved one.
+        ramp: On the ways at the two ends on which speeds change most.
+    """
+
+    straight: int
+    curved: int
+    ramp: int
+
+
+#: With twice as many the duration falls by less than a hundredth.
+FINE = Cells(10, 6, 18)
+
+
+class KnotPlaces(NamedTuple):
+    """Knots on a path.
+
+    Args:
+        places: s at the knots, shape (N + 1,).
+        pieces: The path's piece of each cell, shape (N,).
+        straight: Whether pieces are straight, shape (p,).
+        pace: ds/dtau and two further derivatives at the knots, shape (3, N + 1).
+    """
+
+    places: Array
+    pieces: Indices
+    straight: NDArray[np.bool_]
+    pace: Array
+
+
 def grid(
     path: JointPath,
     limits: Array,
     speeds: tuple[float, float] = (0.0, 0.0),
     extra: Extra | None = None,
+    cells: Cells = FINE,
 ) -> Grid:
     """The grid on a path without sharp corners.
 
@@ -296,35 +402,23 @@ def grid(
         limits: Limits of velocity (inf where there is none), acceleration and jerk, shape (3, n).
         speeds: ds/dt at the two ends, at most.
         extra: Further limits.
+        cells: Numbers of the cells.
     """
     c, breaks = path.coefficients, path.breaks
     straight = ~(c[:, :, 2:] != 0.0).any(axis=(1, 2))
     pace, ramps = _pace(path, limits, speeds)
-    places = _knots(breaks, straight, ramps, [speed == 0.0 for speed in speeds])
+    places = _knots(breaks, straight, ramps, [speed == 0.0 for speed in speeds], cells)
     pieces = np.searchsorted(breaks, 0.5 * (places[1:] + places[:-1]), side="right") - 1
-    phi = pace.derivatives(places)
-    ends = np.stack([places[:-1], places[1:]], axis=1) - breaks[pieces][:, None]
-    q1, q2, q3 = (
-        np.stack([piece_values(c[pieces], at, order) for at in ends.T], axis=1)
-        for order in (1, 2, 3)
-    )
-    p1, p2, p3 = np.stack([phi[:, :-1], phi[:, 1:]], axis=2)[..., None]
-    Q = (q1 * p1, q2 * p1**2 + q1 * p2, q3 * p1**3 + 3.0 * q2 * p1 * p2 + q1 * p3)
+    phi, size = pace.derivatives(places), len(pieces)
+    jerk_rows, knot_rows = np.empty((size, 2, path.n, 3)), np.empty((size + 1, path.n, 4))
+    caps = np.full(size + 1, np.inf)
+    at = KnotPlaces(places, pieces, straight, phi)
+    limit_rows_kernel(c, breaks, at, limits, caps, knot_rows, jerk_rows)
     flat = straight[pieces]
-    jerk_rows = np.stack([Q[2], 1.5 * Q[1], 0.5 * Q[0]], axis=-1) / limits[2][:, None]
-    _lead(jerk_rows, flat, np.abs(q1[:, 0]) / limits[2])
-    at = np.append(np.arange(len(pieces)), len(pieces) - 1), np.append(0 * pieces, 1)
-    both_flat = np.append(flat, True) & np.append(True, flat)
-    acceleration = np.stack([Q[1][at], 0.5 * Q[0][at]], axis=-1) / limits[1][:, None]
-    _lead(acceleration[:, None], both_flat, np.abs(q1[at]) / limits[1])
-    ones = np.ones(acceleration.shape[:2])
-    knot_rows = np.concatenate([acceleration, np.stack([-ones, ones], axis=-1)], axis=-1)
-    with np.errstate(divide="ignore"):
-        caps = (limits[0] / np.abs(Q[0][at])).min(axis=1) ** 2
     for end, speed in ((0, speeds[0]), (-1, speeds[1])):
         if speed > 0.0:
             caps[end] = min(caps[end], speed**2)
-    counts = np.where(both_flat, 1, path.n)
+    counts = np.where(np.append(flat, True) & np.append(True, flat), 1, path.n)
     if extra is not None:
         caps, knot_rows, counts = _with_extra(extra(path, places), phi, caps, knot_rows, counts)
     # A speed asked for at an end counts like this part of the path run through at it.
@@ -333,11 +427,72 @@ def grid(
         caps,
         np.ascontiguousarray(knot_rows),
         counts.astype(np.int64),
-        np.ascontiguousarray(jerk_rows),
+        jerk_rows,
         np.where(flat, 1, path.n).astype(np.int64),
         np.where(np.array(speeds) > 0.0, 0.1 * float(breaks[-1]), 0.0),
     )
     return Grid(places, phi[:2], pieces.astype(np.int64), rows)
+
+
+@kernel
+def limit_rows_kernel(
+    coefficients: Array,
+    breaks: Array,
+    at: KnotPlaces,
+    limits: Array,
+    caps: Array,
+    knot_rows: Array,
+    jerk_rows: Array,
+) -> None:
+    """Write the limits of ``JerkLimits``.
+
+    Where all about a knot or in a cell is straight the row of the tightest joint comes first: it
+    decides for all.
+
+    Args:
+        coefficients: Coefficients of the path, shape (p, n, d + 1), d at most 3.
+        breaks: Breaks of the path, shape (p + 1,).
+        at: The knots.
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
+        caps: Comes as inf, shape (N + 1,).
+        knot_rows: Shape (N + 1, n, 4).
+        jerk_rows: Shape (N, 2, n, 3).
+    """
+    (n, size), cells = coefficients.shape[1:], at.pieces.shape[0]
+    for k in range(cells):
+        piece = at.pieces[k]
+        leads, lead = -1.0, 0
+        for end in range(2):
+            i, u = k + end, at.places[k + end] - breaks[piece]
+            p1, p2, p3 = at.pace[0, i], at.pace[1, i], at.pace[2, i]
+            is_knot = end == 0 or k == cells - 1
+            tightest, first = -1.0, 0
+            for j in range(n):
+                c = coefficients[piece, j]
+                c2, c3 = c[2] if size > 2 else 0.0, c[3] if size > 3 else 0.0
+                q1, q2, q3 = c[1] + (2.0 * c2 + 3.0 * c3 * u) * u, 2.0 * c2 + 6.0 * c3 * u, 6.0 * c3
+                Q1, Q2 = q1 * p1, q2 * p1 * p1 + q1 * p2
+                Q3 = q3 * p1**3 + 3.0 * q2 * p1 * p2 + q1 * p3
+                row = jerk_rows[k, end, j]
+                row[0], row[1], row[2] = Q3, 1.5 * Q2, 0.5 * Q1
+                for m in range(3):
+                    row[m] /= limits[2, j]
+                if end == 0 and abs(q1) / limits[2, j] > leads:
+                    leads, lead = abs(q1) / limits[2, j], j
+                if is_knot:
+                    row = knot_rows[i, j]
+                    row[0], row[1] = Q2 / limits[1, j], 0.5 * Q1 / limits[1, j]
+                    row[2], row[3] = -1.0, 1.0
+                    if Q1 != 0.0:
+                        caps[i] = min(caps[i], (limits[0, j] / Q1) ** 2)
+                    if abs(q1) / limits[1, j] > tightest:
+                        tightest, first = abs(q1) / limits[1, j], j
+            flat = at.straight[piece] and (k == 0 or end == 1 or at.straight[at.pieces[k - 1]])
+            if is_knot and flat:
+                knot_rows[i, 0] = knot_rows[i, first]
+        if at.straight[piece]:
+            for end in range(2):
+                jerk_rows[k, end, 0] = jerk_rows[k, end, lead]
 
 
 def _with_extra(
@@ -350,13 +505,6 @@ def _with_extra(
     a, b, low, high = np.moveaxis(more.rows, -1, 0)
     added = np.stack([a * bend + b * speed**2, 0.5 * a * speed, low, high], axis=-1)
     return caps, np.concatenate([added, rows], axis=1), counts + added.shape[1]
-
-
-def _lead(rows: Array, flat: NDArray[np.bool_], shares: Array) -> None:
-    """On straight cells put the row of the tightest joint first: it decides for all."""
-    cells = np.flatnonzero(flat)
-    tightest = np.argmax(shares[cells], axis=1)
-    rows[cells, :, 0] = rows[cells, :, tightest]
 
 
 def _pace(
@@ -387,11 +535,10 @@ def _knots(
     straight: NDArray[np.bool_],
     ramps: tuple[float, float],
     resting: Sequence[bool],
+    numbers: Cells,
 ) -> Array:
     """Places of the knots: all breaks of the path, and others between them."""
-    # Cells of a curved piece and of a straight one; with twice as many the duration falls by less
-    # than a hundredth.
-    counts = np.where(straight, 10, 6)
+    counts = np.where(straight, numbers.straight, numbers.curved)
     shares = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     cells = np.repeat(np.diff(breaks) / counts, counts)
     base = np.repeat(breaks[:-1], counts) + shares * cells
@@ -399,8 +546,7 @@ def _knots(
     # A knot nearer than this part of its cell to where a ramp ends is one with it: on a cell that
     # only rounding makes there is no speed to be found.
     base = base[away > 1e-6 * cells]
-    # Cells of a ramp.
-    u = np.linspace(0.0, 1.0, 19)
+    u = np.linspace(0.0, 1.0, numbers.ramp + 1)
     ramp = u**3 * (2.0 - 2.0 * u + 0.6 * u**2) / _RAMP
     # From rest s grows as t^3; an end that is passed at speed needs no knots close together.
     first, last = (ramp if still else u for still in resting)

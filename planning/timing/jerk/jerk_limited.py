@@ -14,20 +14,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import kernel
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.double_s import line_phases
+from planning.timing.jerk.even_corners import Pieces
 from planning.timing.jerk.grid import (
+    FINE,
+    Cells,
     Extra,
     Grid,
     JerkLimits,
     KnotLimits,
     decisive_kernel,
-    envelope_kernel,
     grid,
     inside_kernel,
-    time_kernel,
+    scale_kernel,
+    start_kernel,
 )
 from planning.timing.jerk.interior_point import least_time_kernel
 from planning.timing.options import TimingFailed
@@ -108,6 +111,8 @@ def ratios_kernel(
 
 #: What the time found may exceed the least one on the grid by, as a part of it.
 TOLERANCE = 3e-3
+# The same for a rough motion, and its cells: finer ones make the spline near it hardly faster.
+_ROUGH_TOLERANCE, _ROUGH_CELLS = 0.2, Cells(5, 3, 7)
 _NEARLY_INSIDE = 0.95
 _ROUNDS = 2
 
@@ -169,8 +174,29 @@ def time_path_with_jerk(
     )
 
 
+def rough_pieces(path: JointPath, limits: Array) -> Pieces:
+    """A motion along a path from rest to rest in about the least time, found in a moment.
+
+    Between the knots of its few cells it may exceed the limits.
+
+    Args:
+        path: Path to follow, as ``time_path_with_jerk`` takes it.
+        limits: Limits of velocity (inf where there is none), acceleration and jerk, shape (3, n).
+
+    Raises:
+        TimingFailed: No speed along the path was found.
+    """
+    durations, coefficients = _sections(path, limits, (0.0, 0.0), None, rough=True)
+    return Pieces(np.concatenate([[0.0], np.cumsum(durations)]), coefficients)
+
+
 def _sections(
-    path: JointPath, limits: Array, speeds: tuple[float, float], extra: Extra | None
+    path: JointPath,
+    limits: Array,
+    speeds: tuple[float, float],
+    extra: Extra | None,
+    *,
+    rough: bool = False,
 ) -> tuple[Array, Array]:
     """Durations and coefficients of the pieces, from stop to stop."""
     durations, coefficients = [], []
@@ -185,27 +211,34 @@ def _sections(
             phases = line_phases(float(section.lengths[0]), along, *ends)
             owners = np.zeros(len(phases), dtype=np.int64)
         else:
-            phases, owners = _curved_phases(section, limits, ends, extra)
+            phases, owners = _curved_phases(section, limits, ends, extra, rough=rough)
         durations.append(phases[:, 4])
         coefficients.append(composed_pieces(section, owners, phases, 3))
     return np.concatenate(durations), np.concatenate(coefficients)
 
 
 def _curved_phases(
-    path: JointPath, limits: Array, speeds: tuple[float, float], extra: Extra | None
-) -> tuple[Array, np.ndarray[tuple[int], np.dtype[np.int64]]]:
+    path: JointPath,
+    limits: Array,
+    speeds: tuple[float, float],
+    extra: Extra | None,
+    *,
+    rough: bool,
+) -> tuple[Array, Indices]:
     """The phases of a section, their starts within the path's pieces, and those pieces."""
-    made = grid(path, limits, speeds, extra)
+    made = grid(path, limits, speeds, extra, _ROUGH_CELLS if rough else FINE)
     rows = made.rows
     z = _start(rows)
     # Barrier parameter at the start from a first guess, far from the limits, and what the time may
     # exceed the least one by: the first round only shows where limits between knots are exceeded.
-    least_time_kernel(rows, z, 0.3, 1e-2)
+    least_time_kernel(rows, z, 0.3, _ROUGH_TOLERANCE if rough else 1e-2)
     phases = _phases(made, z, speeds)
     rounds = 0
     while True:
         if phases is None:
             rows = _limit_changes(rows, z)
+        elif rough:
+            break
         else:
             ratios = _ratios(path, made, phases, limits)
             if extra is not None:
@@ -236,61 +269,27 @@ def _faster(rows: JerkLimits, z: Array, enough: float) -> Array:
     # Limits that less than this part of is used hardly matter to the next round, which leaves them
     # out.
     decisive = decisive_kernel(rows, z, 0.3)
-    found = _scale_into_limits(decisive, z, _NEARLY_INSIDE)
+    found = z.copy()
+    if not scale_kernel(decisive, found, _NEARLY_INSIDE):
+        raise _no_speed()
     # Barrier parameter at the start from a guess that is nearly right [-].
     near = 0.03
     least_time_kernel(decisive, found, near, TOLERANCE)
     if inside_kernel(rows, enough * found):
         return found
-    z = _scale_into_limits(rows, z, _NEARLY_INSIDE)
+    z = z.copy()
+    if not scale_kernel(rows, z, _NEARLY_INSIDE):
+        raise _no_speed()
     least_time_kernel(rows, z, near, TOLERANCE)
     return z
 
 
 def _start(rows: JerkLimits) -> Array:
-    """A shape between constant and as fast as the limits allow place by place, inside them all."""
-    caps, rises = _static(rows)
-    shape = np.empty(len(rows.lengths))
-    shape[1:-1] = np.minimum(caps[:-1], caps[1:])
-    shape[[0, -1]] = shape[[1, -2]]
-    envelope_kernel(rows.lengths, rises, shape)
-    # First guesses are these powers of the highest speeds place by place, as fast as stays inside.
-    powers = (1.0, 0.7, 0.4, 0.0)
-    candidates = [_scale_into_limits(rows, shape**power, 0.7) for power in powers]
-    return min(candidates, key=lambda z: time_kernel(rows, z))
-
-
-def _static(rows: JerkLimits) -> tuple[Array, Array]:
-    """Largest c at each knot where c stands still, and by how much it may change to the next."""
-    e, f, low, high = np.moveaxis(rows.knot_rows, -1, 0)
-    counted = np.arange(e.shape[1]) < rows.knot_counts[:, None]
-    jerks = np.arange(rows.jerk_rows.shape[2]) < rows.jerk_counts[:, None, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        bound = np.where(e > 0.0, high / e, np.where(e < 0.0, low / e, np.inf))
-        change = np.minimum(high, -low) / np.abs(f)
-        jerk = np.where(jerks, np.abs(rows.jerk_rows[..., 0]), 0.0).max(axis=2) ** (-2.0 / 3.0)
-    caps = np.minimum(rows.caps, np.where(counted, bound, np.inf).min(axis=1))
-    caps[:-1] = np.minimum(caps[:-1], jerk[:, 0])
-    caps[1:] = np.minimum(caps[1:], jerk[:, 1])
-    slopes = np.where(counted & ~np.isnan(change), change, np.inf).min(axis=1)
-    return caps, 0.5 * slopes * (rows.lengths[:-1] + rows.lengths[1:])
-
-
-def _scale_into_limits(rows: JerkLimits, z: Array, inside: float) -> Array:
-    """The largest multiple of z inside all limits, and a bit less.
-
-    Raises:
-        TimingFailed: Not even standing nearly still is inside.
-    """
-    low, high = -1.0, 1.0
-    while not inside_kernel(rows, z * np.exp(low)):
-        low *= 2.0
-        if not low > -500.0:
-            raise _no_speed()
-    for _ in range(8):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if inside_kernel(rows, z * np.exp(middle)) else (low, middle)
-    return np.asarray(inside * np.exp(low) * z)
+    """A first guess inside all limits."""
+    z = np.empty(len(rows.lengths))
+    if not start_kernel(rows, z):
+        raise _no_speed()
+    return z
 
 
 def _tighten_limits(rows: JerkLimits, ratios: Array) -> JerkLimits:
