@@ -24,7 +24,7 @@ from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import Failure, Plan
 from planning.retiming import retime as timing
 from planning.retiming.limits_at import Stretch
-from planning.retiming.retime import PathToTime, Retimed
+from planning.retiming.retimed import PathToTime, Retimed
 from planning.retiming.state_motion import time_states
 from planning.stops.certificate import Stop, StopCertificate, Surroundings, stop_motion
 from planning.stops.certificate import certify_stops as prove_stops

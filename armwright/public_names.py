@@ -124,7 +124,7 @@ from planning.reach.evaluation import reach as reach
 from planning.result import Failure as Failure
 from planning.result import Plan as Plan
 from planning.retiming.limits_at import Stretch as Stretch
-from planning.retiming.retime import Retimed as Retimed
+from planning.retiming.retimed import Retimed as Retimed
 from planning.retiming.simplify import FittedMotion as FittedMotion
 from planning.retiming.simplify import SimplifiedPath as SimplifiedPath
 from planning.retiming.simplify import fit_motion as fit_motion

@@ -157,6 +157,11 @@ class Options:
                 f"there are no stops of kind {self.stops!r}",
                 hint=f"Name one of: {', '.join(get_args(StopKinds))}.",
             )
+        if self.timing.times is not None and self.timing.method != "spline":
+            raise InvalidOption(
+                "timing.times of a plan belongs to the method spline",
+                hint="Leave times out, or time a path of your own by POST /v1/retime.",
+            )
         if not 0.0 < self.timeout <= MAX_TIMEOUT:
             raise InvalidOption(f"timeout must be in (0, {MAX_TIMEOUT:g}] seconds")
 

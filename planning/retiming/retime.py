@@ -12,24 +12,25 @@ import numpy as np
 import scipy
 
 from kinematics.arrays import Array, Indices
-from kinematics.errors import InvalidOption, InvalidTrajectory
+from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain, Limits
 from kinematics.trajectory.trajectory import REST, Trajectory, stay
 from planning.proof.certificate import Certificate, certify_limits
 from planning.proof.violation import Violation
 from planning.retiming.limits_at import (
-    Stretch,
     TimedInStretches,
     around_corners,
     check_stretches,
     path_lengths,
     stretch_places,
 )
-from planning.stops.certificate import StopCertificate, certify_path_stops
+from planning.retiming.passages import time_passages
+from planning.retiming.retimed import PathToTime, Retimed
+from planning.stops.certificate import certify_path_stops
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
 from planning.timing.method import JerkLimited, JerkUse, timing_method
 from planning.timing.options import Interpolation, TimingFailed, TimingOptions
-from planning.timing.parametrization import TimeParametrization, TimingReport, timing_report
+from planning.timing.parametrization import TimeParametrization, timing_report
 from planning.timing.path.blend import blend, merge
 from planning.timing.path.path import JointPath
 from planning.timing.path.simplification import Polyline, simplified_polyline
@@ -37,28 +38,6 @@ from planning.timing.spline.spline import Ends, chord_knots, led_by, smooth_curv
 from planning.timing.time_scaling import ScaledTime, with_duration
 from planning.values.limits import MotionLimits
 from planning.values.preferences import StopKinds
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PathToTime:
-    """A path whose motion is wanted.
-
-    Args:
-        joint_names: n names.
-        waypoints: Shape (k, n), k >= 1 [rad or m].
-        knots: Knots of a spline through them, shape (k,); by distance in joint space where none are
-            given. Times, for the method "spline" [s].
-        tolerance: How far any joint may be from straight lines through them, at every place, for
-            the motion to have the fewest corners [rad or m]; None for none.
-        limits_at: Limits along stretches of it, beside those of the whole motion. A stretch that
-            begins or ends where a corner is rounded takes in the whole curve.
-    """
-
-    joint_names: tuple[str, ...]
-    waypoints: Array
-    knots: Array | None = None
-    tolerance: float | None = None
-    limits_at: tuple[Stretch, ...] = ()
 
 
 class Attempt(NamedTuple):
@@ -242,45 +221,6 @@ _STILL = "The path has no length: the robot stays"
 _SIZES = "Look for limits or lengths of very different sizes."
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Retimed:
-    """A timed path.
-
-    Args:
-        trajectory: The motion.
-        certificate: Proof of its limits; not verified where times given break them.
-        factor: How many times as long as asked the motion is: times given were stretched by it.
-        needed_factor: How many times as long the motion would have to be to keep all limits; 1
-            where it does, None where no slowing down cures it: outside a joint's range, or a jump.
-        notes: Notes on the path: waypoints left out, stops.
-        begins: Time at which the motion begins, the first of given times [s].
-        timing: Method and limits that it was timed by.
-        stops: The proof of its stops along the path, where these were asked for.
-    """
-
-    trajectory: Trajectory
-    certificate: Certificate
-    factor: float
-    needed_factor: float | None
-    notes: tuple[str, ...]
-    begins: float = 0.0
-    timing: TimingReport | None = None
-    stops: StopCertificate | None = None
-
-    @property
-    def lower_bound(self) -> float:
-        """Time that no motion along the same way undercuts, but for jerk, torque and tool [s]."""
-        return 0.0 if self.timing is None else self.timing.lower_bound(self.trajectory)
-
-    @property
-    def peaks(self) -> dict[str, Array]:
-        """Exact largest |velocity|, |acceleration| and |jerk| of each joint, each (n,)."""
-        return {
-            name: np.asarray(self.trajectory.peaks(order).value)
-            for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1)
-        }
-
-
 def retime(
     path: PathToTime,
     timing: TimingOptions,
@@ -301,12 +241,13 @@ def retime(
         InvalidOption: Options do not go together.
         TimingFailed: There is no such motion, or none was found.
     """
+    if timing.times is not None and timing.method == "jerk_limited":
+        return time_passages(path, timing, overrides, chain)
     names, n = path.joint_names, len(path.joint_names)
     if chain is None and "jerk" not in overrides:
         # All limits are the caller's: what is not among them is not limited.
         timing = _with_method(timing)
-    points = _points(path)
-    method = timing_method(timing.method, timing.solver)
+    points, method = path.points, timing_method(timing.method, timing.solver)
     limits = Limits.unlimited(n) if chain is None else chain.limits
     times = _given_times(path, timing)
     if times is not None and not timing.scale_times:
@@ -316,8 +257,8 @@ def retime(
     parametrization = chosen_parametrization(timing, names, limits, overrides, chain)
     begins = 0.0 if times is None else float(times[0])
     interpolation = _interpolation(path, timing)
-    notes, numbers = _notes(points), np.arange(len(points))
-    near, is_still = None, len(merge(points)) < 2
+    notes, numbers, near = _notes(points), np.arange(len(points)), None
+    is_still = len(merge(points)) < 2
     check_stretches(path.limits_at, points, method, chain)
     if interpolation != "linear" and times is None and path.knots is None and not is_still:
         numbers = led_by(points)
@@ -410,16 +351,6 @@ def _interpolation(path: PathToTime, timing: TimingOptions) -> Interpolation:
     return interpolation
 
 
-def _points(path: PathToTime) -> Array:
-    points = np.asarray(path.waypoints, dtype=np.float64)
-    if points.ndim != 2 or len(points) < 1 or points.shape[1] != len(path.joint_names):
-        raise InvalidTrajectory(
-            f"a path of shape {points.shape} does not have {len(path.joint_names)} joint(s)",
-            hint=f"The joints are: {', '.join(path.joint_names)}; give one value for each.",
-        )
-    return points
-
-
 def _refuse_knots(path: PathToTime) -> None:
     if path.knots is not None:
         raise InvalidOption(
@@ -499,7 +430,7 @@ def _along(
     """The motion along a spline through waypoints of a path, of given numbers."""
     if not path.limits_at:
         return by.time(curve, path.joint_names)
-    ends = stretch_places(path.limits_at, _points(path), numbers, curve.breaks)
+    ends = stretch_places(path.limits_at, path.points, numbers, curve.breaks)
     return TimedInStretches(curve, ends, path.limits_at, by, path.joint_names, chain).time()
 
 

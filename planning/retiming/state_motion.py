@@ -10,7 +10,7 @@ from kinematics.model.chain import Chain, Limits
 from kinematics.trajectory.trajectory import Trajectory
 from planning.preflight.limits import moved_note, rates_onto_limits, snap_to_limits
 from planning.proof.certificate import certify_limits
-from planning.retiming.retime import Retimed
+from planning.retiming.retimed import Retimed
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
 from planning.timing.jerk.state_to_state import (
     AT_REST,

@@ -63,7 +63,8 @@ class TimingOptions:
         velocity_scaling: Share of the velocity limits to use, in (0, 1].
         acceleration_scaling: Share of the acceleration limits to use, in (0, 1].
         jerk_scaling: Share of the jerk limits to use, in (0, 1].
-        times: Times at the waypoints, for "spline" [s].
+        times: Times at the waypoints [s].
+        velocities: Velocities at the waypoints beside times, each (n,) or None, for "jerk_limited".
         scale_times: Whether they are stretched by the least factor that keeps all limits.
         interpolation: Interpolation between waypoints, "linear", "natural_spline" or
             "clamped_spline"; None leaves it to the method.
@@ -88,6 +89,7 @@ class TimingOptions:
     acceleration_scaling: float = 1.0
     jerk_scaling: float = 1.0
     times: Sequence[float] | None = None
+    velocities: Sequence[Sequence[float] | None] | None = field(default=None, kw_only=True)
     scale_times: bool = False
     interpolation: Interpolation | None = None
     blend_tolerance: float | None = None
@@ -126,13 +128,23 @@ class TimingOptions:
                 "the timing method spline does not take linear interpolation",
                 hint="Choose natural_spline or clamped_spline, or another method.",
             )
-        for name, given in (("times", self.times is not None), ("scale_times", self.scale_times)):
-            if given and not spline:
-                raise InvalidOption(
-                    f"timing.{name} belongs to the method spline, not "
-                    f"{self.method or DEFAULT_METHOD}",
-                    hint="Ask for the method spline, or leave it out.",
-                )
+        if self.scale_times and not spline:
+            raise InvalidOption(
+                "timing.scale_times belongs to the method spline, not "
+                f"{self.method or DEFAULT_METHOD}",
+                hint="Ask for the method spline, or leave it out.",
+            )
+        if self.times is not None and self.method not in {"spline", "jerk_limited"}:
+            raise InvalidOption(
+                "timing.times belongs to the methods spline and jerk_limited, not "
+                f"{self.method or 'the default'}",
+                hint="Name one of them, or leave times out.",
+            )
+        if self.velocities is not None and (self.times is None or spline):
+            raise InvalidOption(
+                "timing.velocities belongs to the method jerk_limited with times",
+                hint="Give times, or leave velocities out.",
+            )
         self._check_duration()
 
     def _check_duration(self) -> None:

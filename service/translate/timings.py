@@ -15,7 +15,7 @@ from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.retiming.limits_at import Stretch
-from planning.retiming.retime import PathToTime, Retimed
+from planning.retiming.retimed import PathToTime, Retimed
 from planning.timing.choice import JERK_RULE
 from planning.timing.jerk.state_to_state import JointState
 from planning.timing.options import Payload, TimingOptions

@@ -288,3 +288,18 @@ def test_limits_hold_along_a_stretch(client: httpx.Client) -> None:
         wrong = client.post("/v1/retime", json={"limits": LIMITS} | body)
         assert wrong.status_code == 422
         assert said in wrong.text
+
+
+def test_waypoints_are_passed_at_their_times(client: httpx.Client) -> None:
+    timing = {"method": "jerk_limited", "times": [1.0, 2.5, 4.0, 5.5]}
+    found = retimed(client, timing=timing | {"velocities": [None, [0.5, 0.4], None, None]})
+    assert found["status"] == "success"
+    trajectory = found["trajectory"]
+    assert trajectory["segments"][0]["t0"] == 1.0
+    (at,) = [one for one in trajectory["segments"] if one["t0"] == pytest.approx(2.5, abs=1e-12)]
+    np.testing.assert_allclose([row[:2] for row in at["coefficients"]], [[1.0, 0.5], [0.2, 0.4]])
+    short = timing | {"times": [1.0, 2.5, 3.0, 5.5]}
+    body = {"path": {"joints": JOINTS}, "limits": LIMITS, "timing": short}
+    refused = problem(client.post("/v1/retime", json=body), 422, "INVALID_MOTION_PLAN")
+    assert refused["details"]["waypoints"] == [1, 2]
+    assert 0.5 < refused["details"]["least_duration"] < 0.6

@@ -94,8 +94,15 @@ class RetimeTiming(Timing):
 
     times: Annotated[list[Number], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = Field(
         None,
-        description="at the waypoints, for the method spline; increasing from any number [s]. "
-        "Limits that are not known are not needed then: the motion's peaks are reported",
+        description="at the waypoints, for the methods spline and jerk_limited, from any "
+        "number on [s]. By spline limits that are not known are not needed: the motion's peaks are "
+        "reported. By jerk_limited all limits hold, or the first leg that takes longer is named",
+    )
+    velocities: Annotated[list[JointVector | None], Field(max_length=MAX_WAYPOINTS)] | None = Field(
+        None,
+        description="at the waypoints beside times, for jerk_limited; null where any will do. Left "
+        "out, the motion rests at its ends [rad/s or m/s]",
+        examples=[[[0.0, 0.0], None, [0.0, 0.0]]],
     )
     start_velocity: JointVector | None = Field(
         None,

@@ -19,7 +19,7 @@ from ruckig import Trajectory as Phases
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidTrajectory
-from kinematics.trajectory.trajectory import Trajectory, stay
+from kinematics.trajectory.trajectory import REST, Trajectory, stay
 from planning.timing.options import TimingFailed
 
 #: Joints in phase on a straight line where the states allow one, or arriving together only.
@@ -82,6 +82,7 @@ def state_to_state(
     end: JointState,
     limits: ArrayLike,
     synchronization: Synchronization = "phase",
+    duration: float | None = None,
 ) -> Trajectory:
     """The motion from one state to another in the least time, all joints arriving together.
 
@@ -92,24 +93,39 @@ def state_to_state(
         limits: Limits of velocity (inf for none), acceleration and jerk, shape (3, n).
         synchronization: "phase" for a straight line in joint space where the states allow one,
             else as "time"; "time" for a common duration only.
+        duration: Duration of the motion [s]; None for the least.
 
     Raises:
         InvalidTrajectory: States and joints do not fit.
         InvalidOption: A limit is not positive, or a state can't be kept within the limits.
-        TimingFailed: The package found no motion.
+        TimingFailed: The package found no motion, or none that takes as long as asked.
     """
     names = tuple(joint_names)
     bounds = np.asarray(limits, dtype=np.float64)
     _check(names, start, end, bounds)
     states = without_rounding(start.rows, bounds), without_rounding(end.rows, bounds)
     if (states[0] == states[1]).all() and not states[0][1:].any():
-        return stay(names, start.position)
+        return stay(names, start.position, duration or REST)
     scales = _scales(states, bounds)
     # Part of each limit that the package may use: what is left covers the rounding of its roots,
     # and is far below the tolerance of the certificate [-].
     wanted = _input(states, bounds * (1.0 - 1e-10), scales, synchronization)
+    if duration is None:
+        phases = _solve(wanted)
+        return _trajectory(names, phases, states, scales, float(phases.duration) * scales[1])
+    wanted.minimum_duration = duration / scales[1]
     phases = _solve(wanted)
-    return _trajectory(names, phases, states, scales)
+    # Durations that differ by less than this part are the same [-].
+    if float(phases.duration) * scales[1] > duration * (1.0 + 1e-9):
+        wanted.minimum_duration = None
+        least = float(_solve(wanted).duration) * scales[1]
+        later = f", or {float(phases.duration) * scales[1]:.9g} s" if least < duration else ""
+        raise TimingFailed(
+            f"the motion takes at least {least:.9g} s{later}, and is to take {duration:.9g} s",
+            hint="Give a longer duration, or higher limits.",
+            least_duration=least,
+        )
+    return _trajectory(names, phases, states, scales, duration)
 
 
 def _row(values: ArrayLike, name: str) -> Array:
@@ -250,10 +266,10 @@ def _trajectory(
     phases: Phases,
     states: tuple[Array, Array],
     scales: tuple[Array, float],
+    total: float,
 ) -> Trajectory:
     """All joints' phases on common breaks, each joint integrated from its start."""
     length, unit = scales
-    total = float(phases.duration) * unit
     rows = [_joint_phases(profile, total / unit) for profile in phases.profiles[0]]
     joints = []
     for k, (durations, scaled) in enumerate(rows):

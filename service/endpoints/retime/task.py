@@ -9,8 +9,9 @@ from armwright_wire.motions.retime import ConvertRequest, FitRequest, RetimeRequ
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.export import csv_text, joint_trajectory
-from planning.retiming.retime import Retimed, with_path_stops
 from planning.retiming.retime import retime as time_again
+from planning.retiming.retime import with_path_stops
+from planning.retiming.retimed import Retimed
 from planning.retiming.simplify import fit_motion
 from planning.retiming.simplify import simplify as simplified
 from planning.retiming.state_motion import time_states

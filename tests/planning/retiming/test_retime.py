@@ -12,7 +12,8 @@ from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.robots import builtin_chain
-from planning.retiming.retime import PathToTime, Retimed, retime
+from planning.retiming.retime import retime
+from planning.retiming.retimed import PathToTime, Retimed
 from planning.timing.options import Payload, TimingFailed, TimingOptions
 
 NAMES = ("a", "b", "c")

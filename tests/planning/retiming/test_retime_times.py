@@ -13,7 +13,8 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
-from planning.retiming.retime import PathToTime, Retimed, retime
+from planning.retiming.retime import retime
+from planning.retiming.retimed import PathToTime, Retimed
 from planning.retiming.state_motion import time_states
 from planning.timing.jerk.state_to_state import JointState
 from planning.timing.options import TimingFailed, TimingOptions

@@ -9,7 +9,8 @@ from kinematics.errors import InvalidOption, MissingLimit
 from kinematics.model.chain import Limits
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
-from planning.retiming.retime import PathToTime, retime
+from planning.retiming.retime import retime
+from planning.retiming.retimed import PathToTime
 from planning.timing.choice import (
     JERK_RULE,
     chosen_parametrization,

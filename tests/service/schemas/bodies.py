@@ -459,7 +459,8 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "robot": "panda", "limits": LIMITS, "stops": "path", "timeout": 5.0,
         "limits_at": [{"from": 0, "to": 0.1, "by": "length", "velocity": [0.1, 0.2],
                        "acceleration": [1.0, 2.0], "tool_speed": 0.1}],
-        "timing": TIMING | {"start_velocity": [0.1, 0.2], "end_velocity": [0.1, 0.2]}}),
+        "timing": TIMING | {"start_velocity": [0.1, 0.2], "end_velocity": [0.1, 0.2],
+                            "velocities": [[0.1, 0.2], None]}}),
     (FitRequest, {"samples": {name: [[0.1], [0.2]] for name in ("position", "velocity",
                                                                 "acceleration")}
                   | {"time": [0.0, 1.0]}, "joint_names": ["a"], "robot": "panda", "rest": True,
