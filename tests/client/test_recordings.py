@@ -134,9 +134,16 @@ def trajectory_in_json(path: Path, topics: Topics) -> Path:
     return path
 
 
+def log_in_json(path: Path, topics: Topics) -> Path:
+    path = path.with_suffix(".json")
+    log = {"positions": Q.tolist(), "torques": TAU.tolist(), "period": 0.01}
+    path.write_text(json.dumps(log))
+    return path
+
+
 WRITERS: tuple[Callable[[Path, Topics], Path], ...] = (
     bag1, bag2, bag2_mcap, mcap_of_bag, db3_of_bag, mcap_in_json, messages_in_yaml,
-    trajectory_in_json,
+    trajectory_in_json, log_in_json,
 )  # fmt: skip
 
 
@@ -196,7 +203,7 @@ def test_a_logger_of_universal_robots_numbers_its_joints(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("header", "columns", "words"),
     [
-        ("time [s],position.a [turns]", (TIMES, Q[:, 0]), "unit of column 'position.a .turns.'"),
+        ("time [s],position.a [turns]", (TIMES, Q[:, 0]), "'position.a .turns.' has no unit"),
         ("time [h],position.a [rad]", (TIMES, Q[:, 0]), "Units of stamp are s, ms"),
         ("time [s],position.a,position.b,torque.a", (TIMES, Q[:, :2], Q[:, 0]),
          "missing: torques of b"),
@@ -204,7 +211,7 @@ def test_a_logger_of_universal_robots_numbers_its_joints(tmp_path: Path) -> None
         ("t,u,v", (TIMES, Q[:, :2]), "no column of"),
         ("0.0,0.1", (TIMES, Q[:, 0]), "no column of"),
         ("time [s],position.a,extra", (TIMES, Q[:, 0]), "row 2 has 2 values for 3 columns"),
-        ("time [s],position.a,x,y [m],z [m]", (TIMES, Q, Q[:, 0]), "'x' states no unit"),
+        ("time [s],position.a,x,y [m],z [m]", (TIMES, Q, Q[:, 0]), "'x' has no unit"),
     ],
 )  # fmt: skip
 def test_tables_that_can_not_be_understood_are_refused(
@@ -322,10 +329,20 @@ def test_measurements_of_a_tip_have_the_joints_of_their_instants(tmp_path: Path)
     poses: Any = found.tip["poses"]
     assert [tuple(pose["position"]) for pose in poses] == [(0.1, 2.0, 3.0), (0.2, 2.0, 3.0)]
     assert read_recording(bag, JOINTS).times is not None
-    header = "position.a,position.b,position.c,x [mm],y [mm],z [mm]"
-    table = read_recording(csv(tmp_path, header, Q, 1e3 * Q), JOINTS)
+    header = "position.a,position.b,position.c,z [mm],x [mm],y [mm]"
+    columns = Q, 1e3 * Q[:, [2, 0, 1]]
+    table = read_recording(csv(tmp_path, header, *columns), JOINTS)
     assert table.times is None
     np.testing.assert_allclose(np.array(table.tip["positions"], float), Q)
+    turns = np.tile([1.0, 0.1, 0.2, 0.3], (50, 1))
+    table = read_recording(csv(tmp_path, f"{header},qw,qx,qy,qz", *columns, turns), JOINTS)
+    first: Any = table.tip["poses"][0]
+    assert first["quaternion_xyzw"] == [0.1, 0.2, 0.3, 1.0]
+    for part, words in (("x [m],y [m],qw", "columns are missing"), ("qw,qx,qy", "missing beside q"),
+                        ("qw,qx,qy,qz", "no x, y and z")):  # fmt: skip
+        path = csv(tmp_path, f"position.a,{part}", Q[:, 0], turns[:, : part.count(",") + 1])
+        with pytest.raises(InvalidArgument, match=words):
+            read_recording(path, ["a"])
 
 
 @pytest.mark.parametrize(

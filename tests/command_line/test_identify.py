@@ -141,4 +141,4 @@ def test_tables_of_measurements_give_the_frames_of_joints(run: Run, tmp_path: Pa
     refused = run("calibrate", "ur5e", str(path))
     assert "distances and anchor belong together" in refused.err
     write(["distance"], np.column_stack([np.degrees(q), away]))
-    assert "states no unit" in run("calibrate", "ur5e", str(path)).err
+    assert "has no unit that is known" in run("calibrate", "ur5e", str(path)).err

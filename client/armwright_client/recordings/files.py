@@ -6,7 +6,7 @@ Bags and MCAP files are read by the libraries rosbags and mcap, which the extra 
 import csv
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from math import pi
 from pathlib import Path
@@ -31,18 +31,17 @@ _KINDS = {
     "effort": "torques",
     "current": "currents",
 }
-#: Fields of joints in messages, and the fields that they are.
-_FIELDS = {
-    "position": "positions",
-    "velocity": "velocities",
-    "acceleration": "accelerations",
-    "effort": "torques",
-}
+#: Those that messages have for each joint.
+_FIELDS = {kind: _KINDS[kind] for kind in ("position", "velocity", "acceleration", "effort")}
 #: Columns that a logger of Universal Robots writes, in its units: these are ours.
 _RTDE = {"q": "position", "qd": "velocity", "current": "current"}
-#: Columns of a measurement of the tip, and the field that they are.
-_TIP = {"x": "point", "y": "point", "z": "point", "qx": "quaternion", "qy": "quaternion",
-        "qz": "quaternion", "qw": "quaternion", "distance": "distance"}  # fmt: skip
+#: Columns of an instant and of a measurement of the tip, and the field that they are.
+_ALONE = {
+    **dict.fromkeys(("time", "__time", "timestamp"), "stamp"),
+    **dict.fromkeys("xyz", "point"),
+    **dict.fromkeys(("qx", "qy", "qz", "qw"), "quaternion"),
+    "distance": "distance",
+}
 _TURN, _LENGTH = {"rad": 1.0, "deg": pi / 180.0, "°": pi / 180.0}, {"m": 1.0, "mm": 1e-3}
 _JOINT = _TURN | _LENGTH
 #: Units of each field, and their factors.
@@ -91,15 +90,10 @@ def read_rows(path: Path) -> dict[str, list[Row]]:
     """
     kind = path.suffix.lower()
     try:
-        if path.is_dir() or kind in (".bag", ".db3"):
-            return _grouped(_of_bag(path))
-        if kind == ".mcap":
-            return _grouped(_of_mcap(path))
-        if kind in (".csv", ".tsv", ".txt"):
-            return {"": list(_of_table(path))}
-        if kind in (".json", ".yaml", ".yml"):
-            documents = _documents(path)
-            return {"": [row for one in documents for row in rows_of(one, None)]}
+        topics: dict[str, list[Row]] = {}
+        read = _of_bag if path.is_dir() else _READERS.get(kind)
+        for topic, row in () if read is None else read(path):
+            topics.setdefault(topic, []).append(row)
     except ImportError as error:
         raise InvalidArgument(
             f"{path} is read with {error.name}, which is not installed", hint=_INSTALL
@@ -109,17 +103,12 @@ def read_rows(path: Path) -> dict[str, list[Row]]:
     except Exception as error:  # noqa: BLE001  (readers of files raise many)
         cause = " ".join(str(error).split()) or type(error).__name__
         raise InvalidArgument(f"{path} can't be read: {cause}", hint=HINT) from None
-    raise InvalidArgument(f"{path} is no recording that is known", hint=HINT)
-
-
-def _grouped(rows: Iterable[tuple[str, Row]]) -> dict[str, list[Row]]:
-    topics: dict[str, list[Row]] = {}
-    for topic, row in rows:
-        topics.setdefault(topic, []).append(row)
+    if read is None:
+        raise InvalidArgument(f"{path} is no recording that is known", hint=HINT)
     return topics
 
 
-def _of_table(path: Path) -> Iterator[Row]:
+def _of_table(path: Path) -> Iterator[tuple[str, Row]]:
     lines = [line for line in path.read_text("utf-8-sig").splitlines() if line[:1] != "#"]
     separator = next((mark for mark in ",;\t" if mark in "".join(lines[:1])), " ")
     header, *table = [row for row in csv.reader(lines, delimiter=separator) if row] or [[]]
@@ -137,8 +126,13 @@ def _of_table(path: Path) -> Iterator[Row]:
         if field in _KINDS.values() and own != set(names):
             lacking = ", ".join(sorted(set(names) ^ own))
             raise InvalidArgument(f"{path}: columns are missing: {field} of {lacking}", hint=HINT)
+        if len(given) < {"point": 3, "quaternion": 4}.get(field, 0):
+            raise InvalidArgument(f"{path}: columns are missing beside {', '.join(own)}", hint=HINT)
+    if "quaternion" in columns and "point" not in columns:
+        raise InvalidArgument(f"{path}: a quaternion has no x, y and z", hint=HINT)
+    places = (*names, *_ALONE)
     order = {
-        field: sorted(given, key=lambda one: names.index(one[0]) if one[0] in names else 0)
+        field: sorted(given, key=lambda one: places.index(one[0]))
         for field, given in columns.items()
     }
     for number, row in enumerate(table, 2):
@@ -151,7 +145,7 @@ def _of_table(path: Path) -> Iterator[Row]:
             for field, given in order.items()
         }
         stamp = values.pop("stamp", [None])[0]
-        yield Row(stamp, None, names, values)
+        yield "", Row(stamp, None, names, values)
 
 
 def _column(text: str, path: Path) -> Iterator[tuple[str, str, float]]:
@@ -160,30 +154,23 @@ def _column(text: str, path: Path) -> Iterator[tuple[str, str, float]]:
     assert parts is not None
     name, unit = parts["name"], parts["unit"]
     found = _LOGGED.fullmatch(name) or _PLOTTED.fullmatch(name) or _OURS.fullmatch(name)
-    by_name = {"time": "stamp", "__time": "stamp", "timestamp": "stamp"} | _TIP
     kind = "" if found is None else _RTDE.get(found["kind"], found["kind"])
-    field = by_name.get(name) or _KINDS.get(kind)
+    field = _ALONE.get(name) or _KINDS.get(kind)
     if field is None:
         return
-    joint = name if found is None else found["joint"]
     if unit is None:
-        if name in _TIP and field != "quaternion":
-            raise InvalidArgument(
-                f"{path}: column {text!r} states no unit", hint=f"Write {name} [m] or {name} [mm]."
-            )
-        yield field, joint, 1.0
-        return
-    plain = re.sub("[ ·⋅*]", "", unit).replace("²", "^2")
-    factors = _UNITS[field]
-    if plain not in factors:
+        # Joints without one are in our units; a tip is as often in millimetres.
+        unit = "" if _UNITS[field] is _LENGTH else next(iter(_UNITS[field]))
+    factor = _UNITS[field].get(re.sub("[ ·⋅*]", "", unit).replace("²", "^2"))
+    if factor is None:
         raise InvalidArgument(
-            f"{path}: the unit of column {text!r} is not known",
-            hint=f"Units of {field} are {', '.join(factors)}.",
+            f"{path}: column {text!r} has no unit that is known",
+            hint=f"Units of {field} are {', '.join(_UNITS[field])}.",
         )
-    yield field, joint, factors[plain]
+    yield field, name if found is None else found["joint"], factor
 
 
-def _documents(path: Path) -> list[dict[str, Any]]:
+def _of_documents(path: Path) -> Iterator[tuple[str, Row]]:
     text = path.read_text("utf-8")
     if path.suffix.lower() == ".json":
         value = json.loads(text)
@@ -195,7 +182,9 @@ def _documents(path: Path) -> list[dict[str, Any]]:
         documents = [one for one in yaml.load_all(text, loader) if one is not None]
     if not documents or not all(isinstance(one, dict) for one in documents):
         raise InvalidArgument(f"{path} holds no messages", hint=HINT)
-    return documents
+    for message in documents:
+        for row in rows_of(message, None):
+            yield "", row
 
 
 def _of_mcap(path: Path) -> Iterator[tuple[str, Row]]:
@@ -269,22 +258,22 @@ def rows_of(message: Mapping[str, Any], received: float | None) -> Iterator[Row]
     elif "name" in message:  # JointState
         given = {field: message.get(kind) for kind, field in _FIELDS.items()}
         yield Row(stamp, received, tuple(message["name"]), _plain(given))
+    elif "positions" in message:  # a log of the API
+        names = tuple(str(i) for i in range(len(message["positions"][0])))
+        period, times = message.get("period"), message.get("times")
+        for i, _ in enumerate(message["positions"]):
+            at = times[i] if times else period and period * i
+            given = {field: message[field][i] for field in _KINDS.values() if message.get(field)}
+            yield Row(at, None, names, _plain(given))
     else:
-        yield from _of_tip(message, stamp, received)
-
-
-def _of_tip(
-    message: Mapping[str, Any], stamp: float | None, received: float | None
-) -> Iterator[Row]:
-    pose = message.get("pose") or message.get("transform") or {"position": message.get("point")}
-    point, turned = pose.get("position") or pose.get("translation"), pose.get("orientation")
-    turned = turned or pose.get("rotation")
-    if point is None:
-        raise InvalidArgument(f"a message has the fields {', '.join(message)}", hint=HINT)
-    values = {"point": [point[axis] for axis in "xyz"]}
-    if turned is not None:
-        values["quaternion"] = [turned[axis] for axis in "xyzw"]
-    yield Row(stamp, received, (), values)
+        pose = message.get("pose") or message.get("transform") or {"position": message.get("point")}
+        point = pose.get("position") or pose.get("translation")
+        turned = pose.get("orientation") or pose.get("rotation")
+        if point is None:
+            raise InvalidArgument(f"a message has the fields {', '.join(message)}", hint=HINT)
+        given = {"point": [point[axis] for axis in "xyz"],
+                 "quaternion": turned and [turned[axis] for axis in "xyzw"]}  # fmt: skip
+        yield Row(stamp, received, (), _plain(given))
 
 
 def _plain(given: Mapping[str, Any]) -> dict[str, list[float]]:
@@ -303,3 +292,11 @@ def _seconds(stamp: Any) -> float | None:
         for names in (("sec", "secs"), ("nanosec", "nsecs", "nsec"))
     )
     return seconds + 1e-9 * rest
+
+
+_READERS = {
+    **dict.fromkeys((".bag", ".db3"), _of_bag),
+    ".mcap": _of_mcap,
+    **dict.fromkeys((".csv", ".tsv", ".txt"), _of_table),
+    **dict.fromkeys((".json", ".yaml", ".yml"), _of_documents),
+}
