@@ -143,7 +143,7 @@ def _check_sizes(chain: Chain, q: Array, tau: Array) -> None:
             raise InvalidOption(
                 f"{name} of joint {chain.joint_names[i]} are as large as {value[i]:.4g}, far "
                 "beyond its limits",
-                hint=f"Give them in {unit}.",
+                hint=f"Give them in {unit}; or mend the limits of the robot.",
             )
 
 

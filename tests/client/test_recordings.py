@@ -368,3 +368,40 @@ def test_the_extra_that_is_missing_is_named(
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(InvalidArgument, match=rf"{library}.*not installed.*\[recordings\]"):
         read_recording(path)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_messages_of_any_order_and_joints_give_the_same_motion(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    store = {name: (q, tau) for name, q, tau in zip(JOINTS, Q.T, TAU.T, strict=True)}
+    documents = []
+    for k, t in enumerate(TIMES.tolist()):
+        names = [*JOINTS, *(f"other{i}" for i in range(rng.integers(3)))]
+        rng.shuffle(names)
+        rows = [[float(store[name][i][k]) if name in store else 9.0 for name in names]
+                for i in range(2)]  # fmt: skip
+        stamp = {"sec": 5, "nanosec": round(1e9 * t)}
+        message = {
+            "header": {"stamp": stamp},
+            "name": names,
+            "position": rows[0],
+            "effort": rows[1],
+        }
+        documents += [message] * int(rng.integers(1, 3))
+        if rng.random() < 0.2:  # a gripper tells its state on the same topic
+            documents.append({"header": {"stamp": stamp}, "name": ["grip"], "position": [0.0]})
+    for k in np.flatnonzero(rng.random(len(documents) - 1) < 0.2).tolist():
+        documents[k : k + 2] = documents[k : k + 2][::-1]
+    path = tmp_path / "log.json"
+    path.write_text(json.dumps(documents))
+    same(read_recording(path, JOINTS))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_files_that_end_early_are_refused(tmp_path: Path, share: float) -> None:
+    for write in (bag1, mcap_of_bag, db3_of_bag, mcap_in_json):
+        path = write(tmp_path / write.__name__, {"/joint_states": states()})
+        data = path.read_bytes()
+        path.write_bytes(data[: int(share * len(data))])
+        with pytest.raises(InvalidArgument, match=r"can.t be read|no positions"):
+            read_recording(path, JOINTS)
