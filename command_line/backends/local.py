@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
@@ -30,7 +31,7 @@ from planning.values.deadline import Deadline
 from service.problem import ProblemError, from_fields
 from service.storage.caches import prepared_files, worker_cache
 from service.storage.caches.cache_key import NotPrepared, Reference, builtin_reference
-from service.storage.caches.mounts import mount_of
+from service.storage.caches.mounts import mount_of, robot_tools
 from service.validation import validate_as
 from service.workers import current
 from service.workers.result import PlanOutcome, TaskProblem
@@ -147,7 +148,7 @@ class LocalBackend:
             stored = self._stored(scene, scene["name"])
         with stored as reference:
             content = json.dumps(self._proved(robot, reference, plan)).encode()
-            mount = mount_of(plan["request"], _no_tool)
+            mount = mount_of(plan["request"], partial(self._tool, robot))
             shown = replace(self._reference(robot), mount=mount)
             return bytes(self._run(view, [shown, reference, content, tree]))
 
@@ -290,7 +291,7 @@ class LocalBackend:
         found = None if robot is None else self._reference(robot)
         kept = body.get("plan")
         asked = kept["request"] if isinstance(kept, dict) else body
-        mounted = found and replace(found, mount=mount_of(asked, _no_tool))
+        mounted = found and replace(found, mount=mount_of(asked, partial(self._tool, robot)))
         given = {"robot": mounted, "scene": scene, "content": json.dumps(body).encode()}
         arguments = [given[name] for name in signature(task.function).parameters if name in given]
         seconds = body.get("timeout") or DEFAULT_TIMEOUT
@@ -306,6 +307,18 @@ class LocalBackend:
         """Keep the cache of prepared robots small."""
         if self._references:
             prepared_files.trim(str(self._folder), _CACHE_BYTES)
+
+    def _tool(self, robot: str | None, name: str) -> bytes:
+        """Document of a tool that a robot is kept with."""
+        own = robot_tools(self._documents.get(robot or "", b"{}")).get(name)
+        if own is None:
+            raise ProblemError(
+                "NOT_FOUND",
+                f"there is no built-in tool, none of the robot and no tool file {name!r}",
+                hint=f"Give a JSON file, or one of {', '.join(BUILTIN_TOOLS)}; other names are "
+                "those of a service (--url).",
+            )
+        return own
 
     def _reference(self, name: str) -> Reference:
         return self._references.get(name) or builtin_reference(name)
@@ -325,15 +338,6 @@ class LocalBackend:
                 raise from_fields(result.code, result.message, result.hint, result.details)
             return result
         raise ProblemError("CRASH", f"the robot {reference.name!r} can't be prepared")
-
-
-def _no_tool(name: str) -> bytes:
-    raise ProblemError(
-        "NOT_FOUND",
-        f"there is no built-in tool and no tool file {name!r}",
-        hint=f"Give a JSON file, or one of {', '.join(BUILTIN_TOOLS)}; other names are those of a "
-        "service (--url).",
-    )
 
 
 def _load(name: str) -> Any:

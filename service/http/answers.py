@@ -22,7 +22,7 @@ from service.http.state import (
 )
 from service.problem import from_fields, storage_problem
 from service.storage.caches.cache_key import Kind, Mount, Reference, builtin_reference
-from service.storage.caches.mounts import MOUNTING, Asked, mount_of, named_tools
+from service.storage.caches.mounts import MOUNTING, Asked, mount_of, named_tools, robot_tools
 from service.storage.robot_repository import is_built_in
 from service.task_references import prepare_robot, prepare_scene, robot_model
 from service.workers.process import OnProgress
@@ -55,11 +55,12 @@ async def _look_up(request: Request, *names: tuple[Kind, str | None]) -> list[Re
     return found
 
 
-async def tool_mount(request: Request, asked: Asked | None = None) -> Mount | None:
+async def tool_mount(request: Request, robot_name: str, asked: Asked | None = None) -> Mount | None:
     """The tool and tip that a request has its robot work with; None for the robot's own.
 
     Args:
         request: Request on whose behalf.
+        robot_name: The robot, whose own tools come before those that are stored alone.
         asked: What says so; the body of the request if left out.
 
     Raises:
@@ -77,7 +78,10 @@ async def tool_mount(request: Request, asked: Asked | None = None) -> Mount | No
     documents = documents_of(request)
 
     def stored(name: str) -> bytes:
-        content = documents.get("tool", name).content
+        own: Mapping[str, bytes] = {}
+        if not is_built_in(robot_name):
+            own = robot_tools(documents.get("robot", robot_name).content)
+        content = own.get(name) or documents.get("tool", name).content
         request.scope.setdefault(STORED_TOOL, {})[name] = content
         return content
 
@@ -145,7 +149,7 @@ async def references(
         ProblemError: NOT_FOUND.
     """
     scene_name = scene_source if isinstance(scene_source, str) else None
-    mount = None if robot_name is None else await tool_mount(request, asked)
+    mount = None if robot_name is None else await tool_mount(request, robot_name, asked)
     found, around = await _look_up(request, ("robot", robot_name), ("scene", scene_name))
     return found if found is None or mount is None else replace(found, mount=mount), around
 

@@ -282,3 +282,72 @@ def test_a_job_works_with_its_tool(client: httpx.Client, gripper: str) -> None:
     assert result["certificate"]["premises"]["tool"] == "gripper_a/tip"
     refused = body | {"tool": "nothing_such"}
     problem(client.post("/v1/plan", json=refused, headers=ASYNC), 404, "NOT_FOUND")
+
+
+def test_a_robot_is_stored_with_its_tools(client: httpx.Client, gripper: str) -> None:
+    """Its own tools come before those of the same name that are stored alone."""
+    urdf = client.get("/v1/robots/ur5e/urdf").text
+    own = GRIPPER | {"name": gripper, "tcp": {"tip": {"position": [0.0, 0.0, 0.3]}}}
+    jaw = {"name": "my_jaw", "form": {"type": "parallel_jaw", "opening": 0.06}}
+    body = {"name": "cell", "urdf": urdf, "tip_link": "tool0", "tools": [own, jaw],
+            "default_limits": {"acceleration": "10 x velocity"}}  # fmt: skip
+    assert answer(client.post("/v1/robots", json=body), 201)["tools"] == [gripper, "my_jaw"]
+    assert answer(client.get("/v1/robots/cell"))["tools"] == [gripper, "my_jaw"]
+    tips = {
+        robot: matrix(answer(client.post(f"/v1/robots/{robot}/fk",
+                                         json={"joints": HOME, "tool": gripper} | more))["pose"])
+        for robot, more in (("cell", {}), ("ur5e", {"tcp": "tip"}))
+    }  # fmt: skip
+    flange = matrix(ask(client, "fk", joints=HOME, link="tool0")["pose"])
+    assert tips["cell"][:3, 3] == pytest.approx(flange[:3, :3] @ [0, 0, 0.3] + flange[:3, 3])
+    assert np.linalg.norm(tips["cell"] - tips["ur5e"]) > 0.1
+    stages = [{"kind": "close", "joints": {"my_jaw/opening": 0.02}, "tool": "my_jaw"}]
+    task = {"robot": "cell", "start": {"joints": HOME}, "stages": stages, "keep": True}
+    found = answer(client.post("/v1/tasks", json=task))
+    assert found["stages"][0]["after"]["fingers"] == {"my_jaw/opening": 0.02}
+    kept = answer(client.get(f"/v1/plans/{found['plan_id']}"))
+    assert kept["request"]["stages"][0]["tool"]["form"]["opening"] == 0.06
+    problem(client.post("/v1/robots/ur5e/fk", json={"joints": HOME, "tool": "my_jaw"}), 404,
+            "NOT_FOUND")  # fmt: skip
+    for tools, told in (
+        ([jaw, jaw], "another tool"), ([jaw | {"name": "torch"}], "a built-in tool"),
+        ([jaw | {"link": "nowhere"}], "nowhere"), ([own | {"tcp": {}}], "tcp"),
+    ):  # fmt: skip
+        refused = client.post("/v1/robots", json=body | {"name": "other", "tools": tools})
+        assert refused.status_code == 422
+        assert told in refused.text
+    assert client.delete("/v1/robots/cell").status_code == 204
+
+
+@pytest.mark.parametrize("name", ["gripper_a", "gripper_a/side", "peg"])
+def test_names_of_tools_and_held_objects_stand_wherever_a_link_does(
+    client: httpx.Client, gripper: str, name: str
+) -> None:
+    peg = {"id": "peg", "shape": {"type": "box", "size": [0.02, 0.02, 0.1]}, "link": gripper,
+           "pose": {"position": [0.0, 0.0, 0.25]}, "touch_links": [gripper]}  # fmt: skip
+    plate = solid("plate", "box", [0.6, 0.0, 0.3], size=[0.1, 0.1, 0.02])
+    common = {"robot": "ur5e", "tool": gripper, "tcp": "tip", "attached": [peg]}
+    scene = {"obstacles": [plate]}
+    check = common | {"scene": scene, "joints": HOME}
+    assert answer(client.post("/v1/check", json=check | {
+        "allowed_collisions": [[name, "plate"]]}))["valid"]  # fmt: skip
+    held = {"id": "cap", "shape": {"type": "sphere", "radius": 0.01}, "link": gripper,
+            "pose": {"position": [0.0, 0.0, 0.32]}, "touch_links": [name]}  # fmt: skip
+    answer(client.post("/v1/check", json=check | {"attached": [peg, held]}))
+    stay = {"kind": "wait", "duration": 0.1, "allowed_collisions": [[name, "plate"]]}
+    answer(client.post("/v1/tasks", json=common | {
+        "start": {"joints": HOME}, "scene": scene, "stages": [stay]}))  # fmt: skip
+    if name != "peg":
+        told = answer(client.post("/v1/robots/ur5e/fk", json={
+            "joints": HOME, "tool": gripper, "tcp": "tip", "link": name}))  # fmt: skip
+        assert name in told["links"]
+        for what in ("jacobian", "velocity"):
+            more = {"joint_velocities": [0.0] * 6} if what == "velocity" else {}
+            ask(client, what, joints=HOME, tool=gripper, tcp="tip", link=name, **more)
+        ask(client, "ik", pose=told["pose"], tool=gripper, tcp="tip", link=name)
+        region = {"type": "sphere", "center": [0.0, 0.0, 0.0], "radius": 3.0}
+        keep = {"type": "position", "link": name, "region": region}
+        goal = {"joints": [0.1, *HOME[1:]]}
+        plan = client.post("/v1/plan", json=common | {
+            "start": {"joints": HOME}, "goal": goal, "constraints": [keep]})  # fmt: skip
+        assert plan.is_success, plan.text

@@ -18,6 +18,7 @@ from armwright_wire.robots.robot import (
     RobotCalibration,
     RobotInertias,
 )
+from armwright_wire.scenes.tool import NamedTool
 
 
 class RobotOptions(TypedDict, total=False):
@@ -35,6 +36,7 @@ class RobotOptions(TypedDict, total=False):
         inertias: Bodies and drives in place of the description's.
         calibration: Corrections of joints' frames, or the text of a maker's file.
         allow_suspected: Let pairs touch that `Robot.suspected_collisions` would tell.
+        tools: Tools of the robot, which requests for it name.
         visual_solids: Whether links of a URDF without collision geometry collide as they look.
     """
 
@@ -48,6 +50,7 @@ class RobotOptions(TypedDict, total=False):
     motors: dict[str, Motor]
     inertias: RobotInertias
     calibration: RobotCalibration | str
+    tools: list[NamedTool]
 
 
 class ArchiveOptions(RobotOptions, total=False):

@@ -27,6 +27,7 @@ from armwright_wire.base import (
 )
 from armwright_wire.pose import Pose, PoseAnswer
 from armwright_wire.scenes.scene import Shape, check_base64
+from armwright_wire.scenes.tool import NamedTool
 
 GeometryKind: TypeAlias = Literal["collision", "visual"]
 
@@ -329,6 +330,9 @@ class RobotFields(Body):
         description="positions of joints off the chain [rad or m]; 0, or the limit nearest to it, "
         "for those left out",
     )
+    tools: Annotated[list[NamedTool], Field(min_length=1, max_length=100)] | None = Field(
+        None, description="of this robot: requests name them in `tool`, as those of /v1/tools"
+    )
     motors: Annotated[dict[Label, Motor], Field(max_length=1_000)] | None = Field(
         None,
         description='of a URDF by joint, "*" is every other joint of the chain: they give its '
@@ -471,6 +475,7 @@ class RobotAnswer(Answer):
     held: dict[str, float] | None = Field(None, description="of the request")
     inertias: RobotInertias | None = Field(None, description="of the request")
     calibration: RobotCalibration | str | None = Field(None, description="of the request")
+    tools: list[str] = Field(default_factory=list, description="names of its own tools")
     fingers: dict[str, FingerJoint] = Field(
         default_factory=dict,
         description="joints of the gripper that `fingers` of requests may move; those that follow "

@@ -45,6 +45,7 @@ _OBJECTS = {
     "motors": '{"*": {"inertia": 1e-4, "gear_ratio": 100}}',
     "allow_suspected": "true",
     "visual_solids": "true",
+    "tools": '[{"name": "gripper_a", "form": {"type": "parallel_jaw"}}]',
 }
 _BODY = json.loads(files("service.endpoints.robots").joinpath("upload.json").read_text("utf-8"))
 

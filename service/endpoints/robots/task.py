@@ -255,6 +255,7 @@ def prepare_robot(document: bytes, folder: str, notes: tuple[str, ...] = ()) -> 
     body = RobotBody.model_validate_json(document)
     with written_files() as written:
         geometry, lint = robots.robot(body)
+        tools.check_tools(geometry, body.tools or ())
         for solids in (geometry, hulled(geometry)):
             pack(solids)
         visuals, more = robot_visuals(body, geometry.chain)

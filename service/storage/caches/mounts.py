@@ -1,6 +1,7 @@
 """Tools that requests mount: found by name, and packed for the workers."""
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from pydantic import BaseModel
@@ -23,6 +24,16 @@ def builtin_tool(name: str) -> bytes | None:
     if name not in BUILTIN_TOOLS:
         return None
     return to_json({"name": name, "form": {"type": name}})
+
+
+@lru_cache(16)
+def robot_tools(document: bytes) -> Mapping[str, bytes]:
+    """Documents of the tools that a robot is stored with, by name.
+
+    Args:
+        document: Document of the robot, JSON.
+    """
+    return {tool["name"]: to_json(tool) for tool in from_json(document).get("tools") or ()}
 
 
 def mount_of(asked: Asked, stored: Callable[[str], bytes]) -> Mount | None:

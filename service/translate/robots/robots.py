@@ -313,6 +313,7 @@ def robot_answer(
         inertias=None if body is None else body.inertias,
         calibration=None if body is None else body.calibration,
         fingers=_finger_joints(geometry),
+        tools=[] if body is None else [item.name for item in body.tools or ()],
         motors=motors,
         dh=dh,
         wrist=classify_wrist(chain),

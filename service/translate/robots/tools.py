@@ -1,6 +1,6 @@
 """Tools from wire to domain, and onto robots."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,24 @@ def mounted(
     item = told["attached"]
     tip = schema.HeldTip(object=item["id"], pose=told["pose"])
     return with_object_tip(robot, tip, item["link"], item["pose"])
+
+
+def check_tools(robot: RobotGeometry, bodies: Sequence[schema.NamedTool]) -> None:
+    """Refuse tools of a robot that can't be mounted on it, or whose names are taken.
+
+    Raises:
+        ArmwrightError: There is such a tool; the message says which, and why.
+    """
+    names = [body.name for body in bodies]
+    for body in bodies:
+        if body.name in schema.BUILTIN_TOOLS or names.count(body.name) > 1:
+            other = "a built-in" if body.name in schema.BUILTIN_TOOLS else "another"
+            raise InvalidOption(
+                f"tools: {body.name!r} is the name of {other} tool",
+                hint="Give each tool a name of its own.",
+            )
+        made = tool(body)
+        mount(robot, made, next(iter(made.tcp)))
 
 
 def with_object_tip(
