@@ -256,6 +256,14 @@ def _certify_still(
     return certify(motion, place.robot, place.scene, margin=place.margin, deadline=deadline)
 
 
+def prove_part(part: ProgramPart, deadline: Deadline | None = None) -> Certificate:
+    """The proof of a part as it was planned, not as a controller interpolates it."""
+    if part.stands:
+        return _certify_still(part, part.motion.start, part.place, deadline)
+    robot, scene, margin = part.place
+    return certify(part.motion, robot, scene, margin=margin, deadline=deadline)
+
+
 def _text(
     runs: Sequence[Sequence[ProgramPart]],
     proved: dict[int, ProvedRun],

@@ -1,4 +1,4 @@
-"""Recording of a motion as MCAP: robot, scene, motion and clearance on one clock.
+"""Recording of motions as MCAP: robot, scene, motion and clearance on one clock.
 
 Messages are JSON, with schemas whose names viewers such as Foxglove know: the 3D panel draws links
 and obstacles, plots take joints and clearance. The clock begins at 0 with the motion.
@@ -6,7 +6,8 @@ and obstacles, plots take joints and clearance. The clock begins at 0 with the m
 
 import io
 import json
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,12 +21,19 @@ from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.convex.piece import Piece
 from obstacles.convex.triangles import join, piece_triangles
+from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
+from planning.exports.export import Place
+from planning.exports.program import ProgramPart
 from planning.proof.certificate import Certificate
 
 #: Instants that are recorded at most; clearance is measured at fewer, in some seconds.
 _MOST, _CLEARANCES = 20_000, 301
+#: Times that are no further apart are the same [s].
+_SAME = 1e-9
+#: Positions of moving fingers that are drawn, at most.
+_FINGER_SHAPES = 10
 _LINK, _HELD, _OBSTACLE = (0.8, 0.8, 0.82, 1.0), (0.9, 0.6, 0.2, 1.0), (0.35, 0.5, 0.75, 0.9)
 _WHOLE, _NUMBER, _TEXT = {"type": "integer"}, {"type": "number"}, {"type": "string"}
 
@@ -63,7 +71,8 @@ _TRANSFORM = _object(
     timestamp=_TIME, parent_frame_id=_TEXT, child_frame_id=_TEXT, translation=_POINT,
     rotation=_QUATERNION,
 )  # fmt: skip
-_SCENE_UPDATE = _object(deletions=_list({"type": "object"}), entities=_list(_ENTITY))
+_DELETION = _object(timestamp=_TIME, type=_WHOLE, id=_TEXT)
+_SCENE_UPDATE = _object(deletions=_list(_DELETION), entities=_list(_ENTITY))
 #: Topics with the names and the forms of their messages.
 _TOPICS = {
     "/robot": ("foxglove.SceneUpdate", _SCENE_UPDATE),
@@ -102,15 +111,35 @@ def record(
     Raises:
         InvalidOption: The period is not positive, or asks for too many instants.
     """
+    place = Place(robot, scene, 0.0)
+    part = ProgramPart("motion", "motion", trajectory, place)
+    return record_parts([part], [certificate], sample_period=sample_period)
+
+
+def record_parts(
+    parts: Sequence[ProgramPart],
+    certificates: Sequence[Certificate | None],
+    *,
+    sample_period: float = 0.01,
+) -> bytes:
+    """The content of an MCAP file that shows motions one after the other, with what is held.
+
+    Args:
+        parts: Motions and what the cell does between them; each begins where the one before ends.
+        certificates: Certificate of each, which is told in words.
+        sample_period: Time between instants; the end is one more [s].
+
+    Raises:
+        InvalidOption: The period is not positive, or asks for too many instants.
+    """
     from mcap.writer import Writer  # noqa: PLC0415  seldom needed
 
-    if not sample_period > 0.0 or trajectory.duration / sample_period > _MOST:
+    duration = sum(part.motion.duration for part in parts)
+    if not sample_period > 0.0 or duration / sample_period > _MOST:
         raise InvalidOption(
-            f"sample_period: {sample_period:g} s does not fit {trajectory.duration:g} s",
+            f"sample_period: {sample_period:g} s does not fit {duration:g} s",
             hint=f"At most {_MOST} instants are recorded, from a positive period.",
         )
-    times = np.arange(0.0, trajectory.duration, sample_period)
-    times = np.append(times[times < trajectory.duration - 1e-9], trajectory.duration)
     stream = io.BytesIO()
     writer = Writer(stream)
     writer.start(library="armwright")
@@ -119,7 +148,7 @@ def record(
         content = json.dumps({"title": name} | form).encode()
         schema = writer.register_schema(name, "jsonschema", content)
         channels[topic] = writer.register_channel(topic, "json", schema)
-    for topic, time, message in _messages(trajectory, robot, scene, certificate, times):
+    for topic, time, message in _messages(parts, certificates, sample_period, duration):
         nanoseconds = round(time * 1e9)
         content = json.dumps(message, allow_nan=False).encode()
         writer.add_message(channels[topic], nanoseconds, content, nanoseconds)
@@ -128,28 +157,57 @@ def record(
 
 
 def _messages(
-    motion: Trajectory,
-    robot: RobotGeometry,
-    scene: Scene,
-    certificate: Certificate | None,
-    times: Array,
+    parts: Sequence[ProgramPart],
+    certificates: Sequence[Certificate | None],
+    period: float,
+    duration: float,
 ) -> Iterator[tuple[str, float, dict[str, Any]]]:
     """Topics, times [s] and messages of a recording."""
+    begin, before = 0.0, dict[str, str]()
+    step = max(1, math.ceil(duration / period / _CLEARANCES))
+    for k, (part, certificate) in enumerate(zip(parts, certificates, strict=True)):
+        if certificate is not None:
+            label = part.label if len(parts) > 1 else "armwright"
+            yield "/certificate", begin, _statement(certificate, label, begin)
+        length = part.motion.duration
+        times = np.arange(0.0, length, period)
+        times = times[times < length - _SAME]
+        if k == len(parts) - 1:  # the last instant of others is the first of the next
+            times = np.append(times, length)
+        for arm, some in _shapes(part, times):
+            for topic, value in (("/robot", arm), ("/scene", part.place.scene)):
+                if before.get(topic) != value.content_hash:
+                    time = begin + (some[0] if len(some) else 0.0)
+                    yield topic, time, _update(_entities(arm, value), time, topic in before)
+                    before[topic] = value.content_hash
+            yield from _instants(part.motion, arm, part.place.scene, begin, some, step)
+        begin += length
+
+
+def _shapes(part: ProgramPart, times: Array) -> Iterator[tuple[RobotGeometry, Array]]:
+    """The robot with its fingers as they stand, and the times [s] for which it is drawn so."""
+    moving, arm = part.fingers, part.place.robot
+    if moving is None:
+        yield arm, times
+        return
+    for some in np.array_split(times, max(1, min(len(times), _FINGER_SHAPES))):
+        values = moving.trajectory.sample(some[:1])[0].tolist() if len(some) else []
+        stand = {n: at for n, at in zip(moving.names, values, strict=False) if n in moving.leaders}
+        yield with_fingers(arm, stand), some
+
+
+def _instants(
+    motion: Trajectory, robot: RobotGeometry, scene: Scene, begin: float, times: Array, step: int
+) -> Iterator[tuple[str, float, dict[str, Any]]]:
+    """Frames, joints and clearance at times of a part that begins at a time [s]."""
+    if not len(times):
+        return
     chain = robot.chain
-    yield "/robot", 0.0, {"deletions": [], "entities": list(_links(robot))}
-    obstacles = [
-        _entity(chain.root_link, item.id, item.pieces(), np.eye(4), _OBSTACLE)
-        for item in scene.obstacles
-    ]
-    yield "/scene", 0.0, {"deletions": [], "entities": obstacles}
-    if certificate is not None:
-        yield "/certificate", 0.0, _statement(certificate)
     poses = link_poses(chain, motion.sample(times))
     turns = to_quaternions(poses[..., :3, :3])
     states = np.stack([motion.sample(times, order) for order in range(3)], axis=-1)
-    step = -(-len(times) // _CLEARANCES)
     world = FclWorld(robot, scene)
-    for k, time in enumerate(times.tolist()):
+    for k, time in enumerate((begin + times).tolist()):
         stamp = _stamp(time)
         transforms = [
             {
@@ -175,6 +233,21 @@ def _messages(
                 points = [] if near.points is None else [_xyz(point) for point in near.points]
                 told = {"distance": near.distance, "pair": list(near.pair), "points": points}
                 yield "/clearance", time, {"timestamp": stamp} | told
+
+
+def _entities(robot: RobotGeometry, value: RobotGeometry | Scene) -> list[dict[str, Any]]:
+    if isinstance(value, RobotGeometry):
+        return [*_links(value)]
+    root = robot.chain.root_link
+    return [_entity(root, item.id, item.pieces(), np.eye(4), _OBSTACLE) for item in value.obstacles]
+
+
+def _update(entities: list[dict[str, Any]], time: float, again: bool) -> dict[str, Any]:
+    """All that there is from a time [s] on, in place of what was there before."""
+    stamp = _stamp(time)
+    everything = {"timestamp": stamp, "type": 1, "id": ""}
+    stamped = [entity | {"timestamp": stamp} for entity in entities]
+    return {"deletions": [everything] if again else [], "entities": stamped}
 
 
 def _links(robot: RobotGeometry) -> Iterator[dict[str, Any]]:
@@ -210,7 +283,6 @@ def _entity(
     }
     rest: dict[str, Any] = {key: [] for key in _LISTS}
     return rest | {
-        "timestamp": _stamp(0.0),
         "frame_id": frame,
         "id": name,
         "lifetime": _stamp(0.0),
@@ -219,15 +291,15 @@ def _entity(
     }
 
 
-def _statement(certificate: Certificate) -> dict[str, Any]:
+def _statement(certificate: Certificate, label: str, time: float) -> dict[str, Any]:
     verdict = "Proved for every instant" if certificate.verified else "Not proved"
     text = f"{verdict}, {certificate.premises.against()}."
     if np.isfinite(certificate.min_clearance):
         text += f" Clearance at least {certificate.min_clearance:.6g} m."
     text += "".join(f" {reason}" for reason in certificate.proved.reasons)
     return {
-        "timestamp": _stamp(0.0), "level": 2 if certificate.verified else 4, "message": text,
-        "name": "armwright", "file": "", "line": 0,
+        "timestamp": _stamp(time), "level": 2 if certificate.verified else 4, "message": text,
+        "name": label, "file": "", "line": 0,
     }  # fmt: skip
 
 

@@ -7,12 +7,11 @@ from typing import Any
 from pydantic_core import to_json
 
 from armwright_wire.motions.export import ExportRequest, KeptMotion
-from kinematics.errors import InvalidOption
-from planning.exports.export import Export
+from planning.exports.export import Export, Place
 from planning.exports.export import export as write_motion
 from planning.exports.options import ExportFormat, ExportOptions
-from planning.exports.program import Program, export_program
-from planning.exports.recording import record
+from planning.exports.program import Program, ProgramPart, export_program, prove_part
+from planning.exports.recording import record_parts
 from planning.proof.certificate import Certificate
 from planning.proof.premises import Premises
 from service.endpoints.attached_objects import robot_in_scene
@@ -60,34 +59,15 @@ def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes |
         "certificate": certificate,
     }
     if body.format == _RECORDING:
-        recorded = record(
-            written.motion,
-            cell.robot,
-            cell.scene,
-            written.certificate,
-            sample_period=0.01 if body.sample_period is None else body.sample_period,
-        )
-        more |= {
-            "file_name": f"{body.name}.mcap",
-            "content": b64encode(recorded).decode(),
-            "unproved": list(written.certificate.proved.reasons),
-        }
+        part = ProgramPart("motion", "motion", written.motion, Place(cell.robot, cell.scene, 0.0))
+        more |= _recording(body, [part], [written.certificate])
     return _answer(body, written, (written.certificate,), more)
 
 
 def _program(
     robot: Reference, scene: Reference | None, body: ExportRequest, kept: KeptMotion
 ) -> bytes | TaskProblem:
-    """The answer of a program.
-
-    Raises:
-        InvalidOption: It is to be a recording, which is of one motion.
-    """
-    if body.format == _RECORDING:
-        raise InvalidOption(
-            "a recording is of one motion, not of a program",
-            hint="Give `trajectory`, or another format.",
-        )
+    """The answer of a program."""
     parts = program_parts(robot, scene, kept)
     written = export_program(
         parts,
@@ -105,8 +85,25 @@ def _program(
         }
         for part in written.parts
     ]
-    more = {"joint_deviation": None, "certificate": None, "parts": told}
-    return _answer(body, written, [part.certificate for part in written.parts], more)
+    more: dict[str, Any] = {"joint_deviation": None, "certificate": None, "parts": told}
+    proofs = [part.certificate for part in written.parts]
+    if body.format == _RECORDING:
+        proofs = [prove_part(part, current.deadline()) for part in parts]
+        more |= _recording(body, parts, proofs)
+    return _answer(body, written, proofs, more)
+
+
+def _recording(
+    body: ExportRequest, parts: Sequence[ProgramPart], proofs: Sequence[Certificate]
+) -> dict[str, Any]:
+    """Fields of an answer that holds a recording."""
+    period = 0.01 if body.sample_period is None else body.sample_period
+    reasons = [reason for proof in proofs for reason in proof.proved.reasons]
+    return {
+        "file_name": f"{body.name}.mcap",
+        "content": b64encode(record_parts(parts, proofs, sample_period=period)).decode(),
+        "unproved": [*dict.fromkeys(reasons)],
+    }
 
 
 def _answer(

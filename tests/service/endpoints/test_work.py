@@ -1,7 +1,9 @@
 """Blocks, tools by stage and programs as requests ask for them, called in this process."""
 
+import io
 import json
 import re
+from base64 import b64decode
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from mcap.reader import make_reader
 
 import armwright as aw
 from armwright_wire.motions.export import ExportAnswer
@@ -108,6 +111,24 @@ def test_the_work_is_one_proved_program(form: str) -> None:
         kinds = [next(iter(step)) for step in json.loads(made["content"])["steps"]]
         assert kinds.count("gripper") == 6
         assert kinds.count("wait_for") == 3
+
+
+def test_the_work_is_one_recording() -> None:
+    made = program("POST /v1/tasks", TASK, tending(), format="mcap", sample_period=0.01)
+    assert (made["proved"], made["file_name"]) == (True, "armwright.mcap")
+    rows: dict[str, list[Any]] = {}
+    for _, channel, one in make_reader(io.BytesIO(b64decode(made["content"]))).iter_messages():
+        rows.setdefault(channel.topic, []).append((one.log_time * 1e-9, json.loads(one.data)))
+    stages = tending()["stages"]
+    assert [one["name"].split(":")[0] for _, one in rows["/certificate"]] == [
+        str(stage["index"]) for stage in stages
+    ]
+    assert all(one["message"].startswith("Proved") for _, one in rows["/certificate"])
+    duration = sum(stage["trajectory"]["duration"] for stage in stages)
+    assert rows["/tf"][-1][0] == pytest.approx(duration, abs=1e-6)
+    left = [{row["id"] for row in one["entities"]} for _, one in rows["/scene"]]
+    assert {"part_1", "part_2", "part_3"} <= left[0]
+    assert any("part_1" not in names and "part_2" in names for names in left)
 
 
 def test_a_program_is_of_the_scene_that_was_planned_in() -> None:
