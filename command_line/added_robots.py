@@ -18,7 +18,7 @@ from command_line.parameters import RobotSource
 from command_line.problems import invalid_value
 from command_line.robot_files import described, options, xacro_arguments
 
-_INSTALL = 'pip install -e ".[descriptions]", or give the folder or file of a description.'
+_INSTALL = 'pip install "armwright[descriptions]", or give the folder or file of a description.'
 #: Endings of names in robot_descriptions: URDF first, then models of MuJoCo.
 _ENDINGS = ("", "_description", "_mj_description")
 _SUFFIXES = (".urdf", ".xacro")

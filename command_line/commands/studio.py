@@ -86,7 +86,7 @@ def _need(extra: str) -> None:
     """Refuse a command whose extra is not installed."""
     missing = [name for name in _NEEDED[extra] if find_spec(name) is None]
     if missing:
-        install = f'pip install -e ".[{extra}]" ./client'
+        install = f'pip install "armwright[{extra}]"'
         raise invalid_value(extra, f"{', '.join(missing)} can't be imported", install)
 
 
