@@ -1,8 +1,5 @@
 """What the branches of any six-joint arm have in common, whatever form solves it."""
 
-from collections.abc import Iterator
-from dataclasses import replace
-
 import numpy as np
 
 from kinematics.arrays import Array
@@ -10,7 +7,6 @@ from kinematics.forward import forward, joint_frames
 from kinematics.ik.closed_form.analytic import Branches, branches
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
-from kinematics.pose import inverse, rotation_z, transform
 
 
 def wrapped(q: Array | float) -> Array:
@@ -62,31 +58,6 @@ def regular_cases(chain: Chain, seed: int, count: int) -> list[tuple[Array, Arra
             cases.append((q, T, table))
     assert len(cases) == count, "too few poses of this arm are regular"
     return cases
-
-
-def turned(
-    chain: Chain, T: Array, table: Branches, angle: float
-) -> Iterator[tuple[Branches, Array]]:
-    """Branches of the poses that joint 1 and joint 6 bring T to, and what they should be."""
-    A, tip = chain.offsets[0], chain.tip.T_joint_link
-    turn = transform(rotation_z(angle))
-    for joint, pose in ((0, A @ turn @ inverse(A) @ T), (5, T @ inverse(tip) @ turn @ tip)):
-        moved = table.joints.copy()
-        moved[:, joint] += angle
-        yield branches(chain, pose), moved
-
-
-def scaled(chain: Chain, factor: float) -> Chain:
-    """The arm with all lengths times a factor."""
-    offsets = chain.offsets.copy()
-    offsets[:, :3, 3] *= factor
-    tip = chain.tip.T_joint_link.copy()
-    tip[:3, 3] *= factor
-    links = tuple(
-        replace(link, T_joint_link=tip) if link.name == chain.tip_link else link
-        for link in chain.links
-    )
-    return replace(chain, offsets=offsets, links=links)
 
 
 def first_lever(chain: Chain, q: Array, joint: int) -> float:

@@ -14,7 +14,6 @@ from kinematics.ik.numeric.numeric import SearchOptions, solve_many
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
-from tests.kinematics.ik import symmetries
 from tests.kinematics.ik.arms import (
     apart,
     arm_of,
@@ -31,27 +30,6 @@ def free_arm(name: str, size: float, seed: int = 0) -> Chain:
     """A robot whose axes miss its form by up to ``size`` [m], [rad], without limits."""
     chain = calibrated(builtin_chain(name), size, np.random.default_rng(seed))
     return arm_of(list(chain.offsets), chain.tip.T_joint_link)
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("size", [1e-6, 1e-4, 1e-3])
-def test_branches_are_right_and_come_in_pairs_of_opposite_determinants(
-    name: str, size: float
-) -> None:
-    chain = free_arm(name, size)
-    assert closed_form(chain).miss > 1e-10
-    for q, T, table in regular_cases(chain, 1, 5):
-        assert np.abs(forward(chain, table.joints) - T).max() < 1e-8
-        assert np.abs(wrapped(table.joints - q)).max(axis=1).min() < 1e-7
-        assert np.sign(symmetries.determinants(chain, table.joints)).sum() == 0
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_turning_the_first_or_last_joint_turns_its_angle_in_every_branch(name: str) -> None:
-    chain = free_arm(name, 1e-3)
-    for k, (_, T, table) in enumerate(regular_cases(chain, 2, 3)):
-        for other, moved in symmetries.turned(chain, T, table, -1.0 + 0.7 * k):
-            assert distance(other.joints, moved) < 1e-7
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,10 +1,7 @@
 """Motion with bounded jerk along paths: limits, optimality by scipy and ruckig, odd input."""
 
-from typing import Any
-
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from benchmarks.judges.least_time import optimum, stops
 from benchmarks.judges.ratios import worst_ratio
@@ -14,16 +11,9 @@ from kinematics.forward import forward
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.double_s import line_phases
 from planning.timing.jerk.grid import (
-    JerkLimits,
     KnotLimits,
-    grid,
-    inside_kernel,
-    jerk_at_kernel,
-    knot_kernel,
-    time_kernel,
 )
-from planning.timing.jerk.interior_point import least_time_kernel
-from planning.timing.jerk.jerk_limited import TOLERANCE, _start, time_path_with_jerk
+from planning.timing.jerk.jerk_limited import time_path_with_jerk
 from planning.timing.options import TimingFailed
 from planning.timing.path.blend import blend, largest_reaches, reach_for_deviation
 from planning.timing.path.path import JointPath
@@ -212,62 +202,3 @@ def test_no_length_of_a_line_makes_it_slower_than_its_neighbours() -> None:
         timed = time_path_with_jerk(line(length), ("a",), *bounds, extra=no_more)
         least = line_phases(float(length), bounds[:, 0])[:, 4].sum()
         assert 0.999 * least <= timed.trajectory.duration <= 1.05 * least
-
-
-def rows_on(seed: int, jerk: float) -> JerkLimits:
-    waypoints = np.random.default_rng(seed).uniform(-1.0, 1.0, (3, 2))
-    path: JointPath = blend(waypoints, largest_reaches(waypoints), smooth=True)
-    limits = np.array([[1.0, 1.5], [4.0, 5.0], [jerk, jerk]])
-    return grid(path, limits).rows
-
-
-def slacks(rows: JerkLimits, z: Array) -> Array:
-    """What is left of every limit, at z with its ends as their neighbours."""
-    h, left = rows.lengths, []
-    knots = [knot_kernel(h, z, i) for i in range(len(h) - 1)]
-    for i, (c, d) in enumerate(knots):
-        if np.isfinite(rows.caps[i]):
-            left.append(1.0 - c / rows.caps[i])
-        for row in rows.knot_rows[i, : rows.knot_counts[i]]:
-            value = row[0] * c + row[1] * d
-            left += [value - row[2], row[3] - value]
-    for k in range(len(h) - 2):
-        (c0, d0), (c1, d1) = knots[k], knots[k + 1]
-        e = (d1 - d0) / h[k + 1]
-        for j in range(rows.jerk_counts[k]):
-            for end, (c, d) in enumerate(((c0, d0), (c1, d1))):
-                used = jerk_at_kernel(rows.jerk_rows[k, end, j], c, d, e) * np.sqrt(c)
-                left += [1.0 - used, 1.0 + used]
-    return np.array(left)
-
-
-def inside(rows: JerkLimits, z: Array) -> Array:
-    """The largest multiple of z that keeps all limits."""
-    low, high = -4.0, 1.0
-    assert inside_kernel(rows, z * np.exp(low))
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if inside_kernel(rows, z * np.exp(middle)) else (low, middle)
-    return np.asarray(z * np.exp(low))
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_scipy_finds_nothing_much_faster_from_there(seed: int) -> None:
-    rows = rows_on(seed, 50.0)
-    z = _start(rows)
-    least_time_kernel(rows, z, 0.3, TOLERANCE)
-    found = time_kernel(rows, z)
-
-    def full(x: Array) -> Array:
-        inner = np.exp(x)
-        return np.concatenate([inner[:1], inner, inner[-1:]])
-
-    program: Any = minimize
-    better = program(
-        lambda x: time_kernel(rows, full(x)),
-        np.log(z[1:-1]),
-        constraints={"type": "ineq", "fun": lambda x: slacks(rows, full(x))},
-        method="SLSQP",
-        options={"maxiter": 6},
-    )
-    assert found <= time_kernel(rows, inside(rows, full(better.x))) * (1.0 + 2.0 * TOLERANCE)
