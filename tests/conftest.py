@@ -29,7 +29,7 @@ LONG = (
     "tests/service/test_startup.py", "tests/service/test_agents.py",
     "tests/obstacles/distance/triangles/test_distance.py",
     "tests/service/test_positioner_obstacles.py",
-    "tests/course/test_example_course.py", "tests/service/test_server.py", "tests/test_readme.py",
+    "tests/course/test_example_course.py", "tests/service/test_startup.py", "tests/test_readme.py",
     "tests/command_line/test_main.py", "tests/planning/proof/test_mimic_joints.py",
 )  # fmt: skip
 

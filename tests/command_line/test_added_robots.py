@@ -13,7 +13,7 @@ from robot_descriptions import _repositories
 from service.app import create_app
 from service.settings import Settings
 from tests.client.test_mjcf import ARM
-from tests.client.test_xacro import FILES, MACRO, MAIN, TOOL, write
+from tests.client.test_urdf import FILES, MACRO, MAIN, TOOL, xacro_write
 from tests.command_line.commands import Run
 from tests.service.robots import BOX_OBJ
 from tests.service.server import serving
@@ -21,7 +21,7 @@ from tests.service.server import serving
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    return write(tmp_path, FILES) / "arm_description"
+    return xacro_write(tmp_path, FILES) / "arm_description"
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def publish(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., st
     monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path / "fetched"))
 
     def publish(name: str, module: str, files: dict[str, str]) -> str:
-        folder = write(tmp_path / f"{name}.git", files)
+        folder = xacro_write(tmp_path / f"{name}.git", files)
 
         def git(*words: str) -> str:
             identity = ("-c", "user.name=x", "-c", "user.email=x@localhost")
@@ -69,7 +69,7 @@ def test_a_folder_is_added_shown_used_and_removed(run: Run, package: Path) -> No
 def test_packages_that_are_installed_are_found_by_name(
     run: Run, package: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write(package.parent / "ros" / "share", FILES)
+    xacro_write(package.parent / "ros" / "share", FILES)
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(package.parent / "ros"))
     added = run("robots", "add", "arm", "--xacro", "reach:=1", "--json")
     assert added.code == 0, added.out

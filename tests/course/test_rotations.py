@@ -1,17 +1,22 @@
-"""Lectures 3 to 6: rotations, zyz angles, rigid motions, homogeneous transformations.
+"""Lectures 3 to 9 and 12 to 17: rotations, tables, Jacobians, velocities."""
 
-A robot whose table has a base pose and a tool pose answers their composition at q = 0.
-"""
-
-from math import sqrt
+from math import pi, sqrt
 from typing import Any
 
 import httpx
 import numpy as np
 import pytest
 
-from tests.course.example import ROUNDING, ask, rotation_matrix
-from tests.course.robots import revolute
+from tests.course.example import ROUNDING, ask, dh_matrix, pose_matrix, rotation_matrix
+from tests.course.robots import (
+    ELBOW_A1,
+    ELBOW_D1,
+    ELBOW_D2,
+    RRR_A2,
+    RRR_A3,
+    RRR_D1,
+    revolute,
+)
 
 ANGLE, SECOND, THIRD = 0.7, -0.4, 1.1
 ABOUT = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
@@ -74,3 +79,98 @@ def test_a_change_of_basis_is_a_similarity_transform(service: httpx.Client) -> N
     v1 = np.array([0.2, -0.7, 0.4])
     np.testing.assert_allclose(changed @ v1, R10.T @ (R @ (R10 @ v1)), atol=ROUNDING)
     assert np.trace(changed) == pytest.approx(np.trace(R))
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_a_row_is_the_matrix_of_lecture_9(service: httpx.Client, kind: str) -> None:
+    theta, d, a, alpha, q = 0.7, 0.2, -0.3, 1.1, 0.4
+    row = {"type": kind, "a": a, "alpha": alpha, "d": d, "theta": theta, "lower": -2, "upper": 2}
+    robot = {"name": f"notes_{kind}", "dh": {"convention": "standard", "rows": [row]}}
+    stored = service.post("/v1/robots", json=robot)
+    assert stored.status_code == 201, stored.text
+    turned = dh_matrix(theta + q, d, a, alpha)
+    moved = dh_matrix(theta, d + q, a, alpha)
+    body = {"joints": [q], "orientation": "rotation_matrix"}
+    pose = ask(service, f"robots/notes_{kind}/fk", body)["pose"]
+    expected = turned if kind == "revolute" else moved
+    np.testing.assert_allclose(pose_matrix(pose), expected, atol=1e-12)
+
+
+def test_the_table_is_answered_as_it_was_given(service: httpx.Client) -> None:
+    rows = service.get("/v1/robots/notes_elbow").json()["dh"]["rows"]
+    kept = [[row[name] for name in ("a", "alpha", "d", "theta")] for row in rows]
+    table = [
+        [ELBOW_A1, -pi / 2.0, ELBOW_D1, 0.0],
+        [0.0, pi / 2.0, ELBOW_D2, 0.0],
+        [0.0, 0.0, 0.0, 0.0],
+    ]
+    np.testing.assert_allclose(kept, table, atol=1e-12)
+    assert [row["type"] for row in rows] == ["revolute", "revolute", "prismatic"]
+
+
+@pytest.mark.parametrize("name", ["notes_elbow", "notes_rrr", "notes_planar", "notes_cart"])
+def test_an_answered_table_makes_the_same_robot(service: httpx.Client, name: str) -> None:
+    table = service.get(f"/v1/robots/{name}").json()["dh"]
+    copy = {"name": f"{name}_copy", "dh": table}
+    stored = service.post("/v1/robots", json=copy)
+    assert stored.status_code == 201, stored.text
+    n = len(table["rows"])
+    joints = [0.4, -0.7, 0.3][:n]
+    body = {"joints": joints, "orientation": "rotation_matrix"}
+    poses = [ask(service, f"robots/{robot}/fk", body)["pose"] for robot in (name, copy["name"])]
+    np.testing.assert_allclose(pose_matrix(poses[1]), pose_matrix(poses[0]), atol=1e-12)
+    if "mass" in table["rows"][0] and table["rows"][0]["mass"]:
+        state = {"joints": joints, "velocities": [0.5] * n, "accelerations": [0.2] * n}
+        first, second = (ask(service, f"robots/{robot}/dynamics", state)["torques"]
+                         for robot in (name, copy["name"]))  # fmt: skip
+        np.testing.assert_allclose(second, first, atol=1e-12)
+
+
+T1, T2, T3, STROKE = 0.5, -0.8, 0.3, 0.45
+WEIGHT = 10.0
+
+
+RRR = [
+    dh_matrix(T1, RRR_D1, 0.0, pi / 2.0),
+    dh_matrix(T2, 0.0, RRR_A2, 0.0),
+    dh_matrix(T3, 0.0, RRR_A3, 0.0),
+]
+ELBOW = [
+    dh_matrix(T1, ELBOW_D1, ELBOW_A1, -pi / 2.0),
+    dh_matrix(T2, ELBOW_D2, 0.0, pi / 2.0),
+    dh_matrix(0.0, STROKE, 0.0, 0.0),
+]
+
+
+def test_the_helicopter_looks_forward(service: httpx.Client) -> None:
+    t = 1.7
+    body = {"joints": [t / 3.0], "orientation": "rotation_matrix"}
+    pose = ask(service, "robots/notes_helicopter/fk", body)["pose"]
+    c, s = np.cos(t / 3.0), np.sin(t / 3.0)
+    np.testing.assert_allclose(pose["position"], [30.0 * c, 30.0 * s, 100.0], atol=ROUNDING)
+    # Frame 1 of the notes looks along the flight; that of the table outwards, a quarter turn less.
+    R = np.array(pose["rotation_matrix"]) @ [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    np.testing.assert_allclose(R, [[-s, -c, 0], [c, -s, 0], [0, 0, 1]], atol=ROUNDING)
+
+
+def test_angular_velocities_add_up(service: httpx.Client) -> None:
+    joints, rates = [T1, T2, T3], np.array([0.4, -0.7, 0.9])
+    body = {"joints": joints, "joint_velocities": rates.tolist()}
+    w = ask(service, "robots/notes_rrr/velocity", body)["twist"][3:]
+    z1 = [np.sin(T1), -np.cos(T1), 0.0]
+    expected = rates[0] * np.array([0.0, 0.0, 1.0]) + (rates[1] + rates[2]) * np.array(z1)
+    np.testing.assert_allclose(w, expected, atol=ROUNDING)
+
+
+REDUNDANT = [0.1, -0.6, 0.2, -2.0, 0.3, 1.7, 0.5]
+TWIST = [0.1, -0.05, 0.08, 0.2, -0.1, 0.15]
+
+
+def test_the_analytic_jacobian_is_the_rate_of_the_state(service: httpx.Client) -> None:
+    joints, step = np.array([0.3, 0.4, 0.6, 0.2, 0.9, -0.4]), 1e-6
+    body = {"joints": joints.tolist(), "kind": "analytic_zyz"}
+    Ja = np.array(ask(service, "robots/elbow_wrist/jacobian", body)["jacobian"])
+    rows = [(joints + k * step * e).tolist() for e in np.eye(6) for k in (1, -1)]
+    pose = ask(service, "robots/elbow_wrist/fk", {"joints": rows, "orientation": "euler_zyz"})
+    state = np.array([[*one["position"], *one["euler_zyz"]] for one in pose["pose"]])
+    np.testing.assert_allclose(Ja.T, (state[::2] - state[1::2]) / (2.0 * step), atol=1e-8)

@@ -1,13 +1,16 @@
-"""Held objects over HTTP: in every request that checks collisions, from grasp to release."""
+"""Held objects and pairs that may touch over HTTP."""
 
 from typing import Any
 
+import coal
 import httpx
 import numpy as np
 import pytest
 
+from armwright_wire.scenes.check import Attached
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
+from tests.service.jobs.requests import batch
 from tests.service.robots import HOME, answer, problem, scene, solid
 
 CHAIN = builtin_chain("panda")
@@ -117,3 +120,155 @@ def test_a_pair_with_a_name_of_an_obstacle_and_a_link_is_refused(
     # Pairs that do not name it are allowed as ever.
     free = body | {"scene": named, "allowed_collisions": [["table", "panda_hand"]]}
     assert answer(client.post("/v1/check", json=free))["allowed_collisions"]
+
+
+#: A UR5e folded into itself, and the pairs that a MoveIt matrix lets touch there.
+FOLDED, OPEN = [0.3, -1.4, 3.0, -1.97, -1.571, 0.2], [0.3, -1.4, 1.8, -1.97, -1.571, 0.2]
+_NAMES = ("forearm_link", "shoulder_link", "upper_arm_link", "wrist_1_link", "wrist_2_link",
+          "wrist_3_link")  # fmt: skip
+_MATRIX = [("forearm_link", "shoulder_link")]
+_MATRIX += [("upper_arm_link", f"wrist_{k}_link") for k in (1, 2, 3)]
+_MATRIX += [("wrist_1_link", "wrist_2_link")]
+_ROWS = "".join(
+    f"  - [{', '.join(str((a, b) in _MATRIX or (b, a) in _MATRIX).lower() for b in _NAMES)}]\n"
+    for a in _NAMES
+)
+MATRIX = {
+    "moveit": "name: x\nworld:\n  collision_objects: []\nallowed_collision_matrix:\n"
+    f"  entry_names: [{', '.join(_NAMES)}]\n  entry_values:\n{_ROWS}"
+}
+GROUND = solid("ground", "halfspace", [0, 0, 0], normal=[0, 0, 1], offset=0.4433)
+BALL = {"type": "sphere", "radius": 0.05}
+#: The ball's lowest point is 3 mm below the ground at HOME, wherever joint 1 turns it.
+ALLOWED_COLLISIONS_HELD = {
+    "id": "ball",
+    "shape": BALL,
+    "pose": {"position": [0, 0, 0.1]},
+    "link": "panda_hand",
+}
+ABOUT = [0.8, *HOME[1:]]
+STILL = [["ground", f"panda_link{k}"] for k in range(8)] + [["ground", "panda_hand"]]
+
+
+def told(found: dict[str, Any]) -> dict[tuple[str, ...], tuple[str, float | None]]:
+    return {tuple(i["pair"]): (i["reason"], i["overlap"]) for i in found["allowed_collisions"]}
+
+
+def depth_of_ball(client: httpx.Client) -> float:
+    """How deep the ball is in the ground, by the answer of forward kinematics and coal."""
+    body = {"joints": HOME, "link": "panda_hand"}
+    pose = answer(client.post("/v1/robots/panda/fk", json=body))["pose"]
+    x, y, z, w = pose["quaternion_xyzw"]
+    axis = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+    center = np.array(pose["position"]) + 0.1 * axis
+    request = coal.DistanceRequest()
+    request.enable_signed_distance = True
+    at = coal.Transform3s(np.eye(3), center)
+    plane = coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.4433)
+    result = coal.DistanceResult()
+    distance = coal.distance(coal.Sphere(0.05), at, plane, coal.Transform3s(), request, result)
+    return -float(distance)
+
+
+def test_every_door_tells_the_pairs_of_a_moveit_matrix(client: httpx.Client) -> None:
+    base = {"robot": "ur5e", "scene": MATRIX}
+    problem_of = {"start": {"joints": FOLDED}, "goal": {"joints": OPEN}, "timeout": 30.0}
+    planned = answer(client.post("/v1/plan", json=base | problem_of))
+    motion = base | {"trajectory": planned["trajectory"]}
+    problems = {"robot": "ur5e", "problems": [{"scene": MATRIX, **problem_of}]}
+    many = batch(client, problems)["result"]
+    pose = answer(client.post("/v1/robots/ur5e/fk", json={"joints": OPEN}))["pose"]
+    goals = [{"id": "a", "joints": OPEN}, {"id": "b", "joints": FOLDED}]
+    tour = answer(
+        client.post("/v1/tours", json=base | {"start": {"joints": FOLDED}, "goals": goals})
+    )
+    stages = [{"kind": "move", "goal": {"joints": OPEN}}]
+    task = base | {"start": {"joints": FOLDED}, "stages": stages, "timeout": 30.0}
+    ik = {"pose": pose, "scene": MATRIX, "seed_joints": OPEN}
+    field = {"joints": FOLDED, "goal_joints": OPEN, "scene": MATRIX}
+    exported = answer(client.post("/v1/export", json=motion | {"format": "csv"}))
+    answers = {
+        "plan": planned["certificate"],
+        "validate": answer(client.post("/v1/validate", json=motion)),
+        "batch": many["results"][0]["certificate"],
+        "check": answer(client.post("/v1/check", json=base | {"joints": FOLDED})),
+        "verdict": answer(client.post("/v1/check", json=base | {"joints": FOLDED, "depth": False})),
+        "ik": answer(client.post("/v1/robots/ur5e/ik", json=ik)),
+        "constrained": answer(
+            client.post("/v1/robots/ur5e/ik", json=ik | {"method": "constrained"})
+        ),
+        "potential": answer(client.post("/v1/robots/ur5e/potential", json=field)),
+        "reach": answer(
+            client.post("/v1/robots/ur5e/reach", json={"poses": [pose], "scene": MATRIX})
+        ),
+        "tour": tour,
+        "leg": tour["legs"][0]["certificate"],
+        "task": answer(client.post("/v1/tasks", json=task))["stages"][0]["certificate"],
+        "export": exported["certificate"],
+    }
+    deepest = {}
+    for door, found in answers.items():
+        pairs = told(found)
+        assert set(_MATRIX) <= set(pairs), door
+        assert all(pairs[pair][0] == "scene" for pair in _MATRIX), door
+        # What the robot's own SRDF lets touch is told too.
+        assert pairs["shoulder_link", "upper_arm_link"][0] in ("srdf", "adjacent"), door
+        deepest[door] = max(pairs[pair][1] or 0.0 for pair in _MATRIX)
+    for door in answers.keys() - {"verdict", "ik", "constrained", "reach"}:
+        assert deepest[door] > 0.01, door
+    assert deepest["plan"] == pytest.approx(deepest["check"], rel=0.1, abs=1e-4)
+    told_in_file = "Not kept apart (scene): upper_arm_link and wrist_1_link, at most"
+    assert told_in_file in exported["content"]
+
+
+@pytest.mark.parametrize("way", ["touch_links", "request", "scene"])
+def test_touch_depth_limits_contact_wherever_it_is_given(client: httpx.Client, way: str) -> None:
+    depth = depth_of_ball(client)
+    assert depth > 0.002
+    for limit in (depth + 0.0005, depth - 0.0005, None):
+        pair = {"pair": ["ball", "ground"], "touch_depth": limit}
+        body: dict[str, Any] = {
+            "robot": "panda",
+            "scene": scene(GROUND, allowed_collisions=STILL + [pair] * (way == "scene")),
+            "attached": [ALLOWED_COLLISIONS_HELD],
+        }
+        if way == "touch_links":
+            body["attached"] = [
+                ALLOWED_COLLISIONS_HELD | {"touch_links": ["ground"], "touch_depth": limit}
+            ]
+        if way == "request":
+            body["allowed_collisions"] = [pair]
+        checked = answer(client.post("/v1/check", json=body | {"joints": HOME}))
+        fine = limit is None or limit > depth
+        assert checked["valid"] == fine
+        reason, overlap = told(checked)["ball", "ground"]
+        assert reason == way
+        assert overlap == pytest.approx(depth, abs=1e-6)
+        ends = {"start": {"joints": HOME}, "goal": {"joints": ABOUT}, "timeout": 30.0}
+        response = client.post("/v1/plan", json=body | ends)
+        if fine:
+            certificate = answer(response)["certificate"]
+            reason, bound = told(certificate)["ball", "ground"]
+            assert reason == way
+            assert depth - 1e-9 <= (bound or 0.0) <= 1.05 * depth + 1e-4
+            continue
+        (collision,) = checked["collisions"]
+        assert collision["pair"] == ["ball", "ground"]
+        assert collision["depth"] == pytest.approx(depth, abs=1e-6)
+        refused = problem(response, 422, "START_STATE_IN_COLLISION")
+        assert "'ball' and 'ground' overlap by" in refused["detail"]
+        assert "touch_depth" in refused["hint"]
+        assert refused["details"]["touch_depth"] == limit
+
+
+def test_touch_links_and_supports_are_a_millimetre_deep_unless_told(client: httpx.Client) -> None:
+    touching = ALLOWED_COLLISIONS_HELD | {"touch_links": ["ground"]}
+    body = {"robot": "panda", "joints": HOME, "attached": [touching],
+            "scene": scene(GROUND, allowed_collisions=STILL)}  # fmt: skip
+    assert not answer(client.post("/v1/check", json=body))["valid"]
+    any_depth = body | {"attached": [touching | {"touch_depth": None}]}
+    assert answer(client.post("/v1/check", json=any_depth))["valid"]
+    # The client sends None too, which is left out of other fields.
+    pose = {"position": [0.0, 0.0, 0.1]}
+    sent = Attached(id="ball", shape=BALL, pose=pose, link="panda_hand", touch_depth=None)  # type: ignore[arg-type]
+    assert '"touch_depth":null' in sent.to_json()

@@ -1,4 +1,4 @@
-"""Dynamics over HTTP, inverse and forward, and closed loops of a request."""
+"""Dynamics, formulas and Lyapunov functions over HTTP."""
 
 from typing import Any
 
@@ -6,6 +6,7 @@ import httpx
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.linalg import solve_continuous_lyapunov
 
 from armwright_wire.motions.simulation import SimulateAnswer
 from armwright_wire.robots.dynamics import DynamicsAnswer, RegressorAnswer, WrenchAnswer
@@ -190,3 +191,106 @@ def test_christoffel_symbols_and_partial_jacobians_are_answered_on_request(
     for first, both in zip(one["partial_jacobians"], many["partial_jacobians"], strict=True):
         np.testing.assert_array_equal(both["linear"][1], first["linear"])
         np.testing.assert_array_equal(both["angular"][0], first["angular"])
+
+
+#: Four skew axes with offsets everywhere: half a second of algebra and more.
+ROWS: list[dict[str, Any]] = [
+    {"type": "revolute", "a": 0.3 + 0.01 * i, "alpha": (np.pi / 2.0, 0.0)[i % 2],
+     "d": 0.1 + 0.02 * i, "theta": 0.1 * i, "mass": 1.0 + i, "center_of_mass": [0.1, 0.02, 0.03],
+     "inertia": [[0.11, 0.01, 0.01], [0.01, 0.21, 0.01], [0.01, 0.01, 0.31]]}
+    for i in range(4)
+]  # fmt: skip
+EQUATIONS_URL = "/v1/robots/slow_arm/equations"
+
+
+def test_the_formulas_of_a_slow_arm_are_there_within_the_deadline_or_not_at_all(
+    client: httpx.Client,
+) -> None:
+    body = {"name": "slow_arm", "dh": {"convention": "standard", "rows": ROWS}}
+    answer(client.post("/v1/robots", json=body), 201)
+    document = problem(client.get(EQUATIONS_URL, params={"timeout": 0.1}), 504, "TIMED_OUT")
+    assert document["hint"]
+    formulas = answer(client.get(EQUATIONS_URL, headers={"Prefer": "respond-async"}))
+    assert len(formulas["dynamics"]["mass_matrix"]) == 4
+    assert answer(client.get(EQUATIONS_URL, params={"timeout": 60.0})) == formulas
+
+
+def test_deadlines_out_of_range_are_refused(client: httpx.Client) -> None:
+    where = "/v1/robots/planar_rr/equations"
+    for timeout in ("0", "nan", "1e6", "soon"):
+        document = problem(client.get(where, params={"timeout": timeout}), 422, "VALIDATION_ERROR")
+        assert "timeout" in document["detail"]
+    document = problem(client.get(where, params={"timeout": 400.0}), 422, "VALIDATION_ERROR")
+    assert "longer than the 300 s allowed here" in document["detail"]
+
+
+def test_the_determinant_of_named_rows_is_that_of_the_jacobian(client: httpx.Client) -> None:
+    where = "/v1/robots/planar_rr/equations"
+    found = answer(client.get(where, params={"format": "text", "axes": "x,z"}))
+    assert found["determinant"] == "l_1 * l_2 * s_2"
+    assert "det_J = l_1 * l_2 * s_2" in found["document"]
+    assert answer(client.get(where))["determinant"] is None
+    wrong = problem(client.get(where, params={"axes": "x,y,z"}), 422, "VALIDATION_ERROR")
+    assert "as many rows of the Jacobian as there are joints, 2" in wrong["detail"]
+    problem(client.get(where, params={"axes": "x,up"}), 422, "VALIDATION_ERROR")
+
+
+def test_query_parameters_that_a_get_does_not_take_are_refused(client: httpx.Client) -> None:
+    for where in ("/v1/robots/planar_rr/equations", "/v1/robots/planar_rr", "/v1/jobs"):
+        document = problem(client.get(where, params={"axis": "x,y"}), 422, "VALIDATION_ERROR")
+        assert "axis: unknown query parameter" in document["detail"]
+    assert client.get("/healthz", params={"verbose": "1"}).status_code == 200
+
+
+SPRING = [[0.0, 1.0], [-1.0, -1.0]]
+
+
+def test_a_form_is_examined(client: httpx.Client) -> None:
+    body = {"A": SPRING, "P": [[1.0, 0.5], [0.5, 1.0]], "x": [[0.5, 0.0], [0.0, 1.0]]}
+    found = answer(client.post("/v1/lyapunov", json=body))
+    assert (found["V"], found["V_dot"]) == ("x1² + x1 x2 + x2²", "-x1² - x1 x2 - x2²")
+    assert found["P"]["minors"] == pytest.approx([1.0, 0.75])
+    assert found["Q"]["definiteness"] == "positive definite"
+    assert found["verdict"] == "asymptotically_stable"
+    assert found["values"] == pytest.approx([0.25, 1.0])
+    assert found["rates"] == pytest.approx([-0.25, -1.0])
+    assert found["notes"] == []
+    assert found["poles"][0] == pytest.approx({"real": -0.5, "imaginary": -np.sqrt(0.75)})
+
+
+def test_the_equation_is_solved(client: httpx.Client) -> None:
+    found = answer(client.post("/v1/lyapunov", json={"A": SPRING, "Q": [[1, 0], [0, 1]]}))
+    expected = solve_continuous_lyapunov(np.array(SPRING).T, -np.eye(2))
+    np.testing.assert_allclose(found["P"]["matrix"], expected, atol=1e-14)
+    assert found["verdict"] == "asymptotically_stable"
+    assert (found["values"], found["rates"]) == (None, None)
+
+
+def test_a_form_that_is_not_symmetric_is_told(client: httpx.Client) -> None:
+    body = {"A": SPRING, "P": [[1.0, 1.0], [0.0, 1.0]], "x": [1.0, 1.0]}
+    found = answer(client.post("/v1/lyapunov", json=body))
+    assert found["P"]["matrix"] == [[1.0, 0.5], [0.5, 1.0]]
+    assert found["values"] == pytest.approx(3.0)
+    assert "not symmetric" in found["notes"][0]
+
+
+def test_a_formula_is_examined(client: httpx.Client) -> None:
+    body = {"f": ["x2", "-0.8*x2 - 4.9*sin(x1)"], "V": "x2**2/2 + 4.9*(1 - cos(x1))"}
+    found = answer(client.post("/v1/lyapunov", json=body | {"x": [0.6, -0.4]}))
+    assert (found["V_dot"], found["verdict"]) == ("-0.8*x2**2", "asymptotically_stable")
+    assert "LaSalle" in found["reason"]
+    assert found["lasalle"] == {"set": ["x2"], "invariant": ["sin(x1)"]}
+    assert found["values"] == pytest.approx(0.08 + 4.9 * (1.0 - np.cos(0.6)))
+    assert found["rates"] == pytest.approx(-0.128)
+    many = answer(client.post("/v1/lyapunov", json=body | {"x": [[0.6, -0.4], [0.0, 0.0]]}))
+    assert many["values"] == [found["values"], 0.0]
+
+
+def test_a_pendulum_is_known_by_name(client: httpx.Client) -> None:
+    body = {"system": "pendulum", "parameters": {"mass": 2.0, "length": 0.5, "damping": 0.4}}
+    found = answer(client.post("/v1/lyapunov", json=body | {"x": [0.6, -0.4]}))
+    assert found["f"] == ["x2", "-0.8*x2 - 19.62*sin(x1)"]
+    energy = 2.0 * (0.5 * 0.4) ** 2 / 2.0 + 2.0 * 9.81 * 0.5 * (1.0 - np.cos(0.6))
+    assert found["values"] == pytest.approx(energy)
+    assert found["rates"] == pytest.approx(-0.4 * 0.4**2)
+    assert "LaSalle" in found["reason"]

@@ -1,4 +1,4 @@
-"""The page about security: every danger has a test, and every test that is named exists."""
+"""The pages about security and faults: every test that is named exists."""
 
 import ast
 import re
@@ -36,3 +36,30 @@ def test_every_danger_has_a_test() -> None:
     assert headers >= 5
     assert len(DANGERS) == len(ROWS) - headers - len(re.findall(r"^\| (?!-)", whom, re.MULTILINE))
     assert len(DANGERS) >= 25
+
+
+FAULTS = (TESTS.parent / "docs" / "faults.md").read_text()
+FAULT_ROWS = [
+    row
+    for row in re.findall(r"^\| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", FAULTS, re.MULTILINE)
+    if row[0] != "fault"
+]
+
+
+@pytest.mark.parametrize("row", FAULT_ROWS, ids=lambda row: row[0])
+def test_the_test_of_a_fault_is_there(row: tuple[str, str, str]) -> None:
+    named = re.fullmatch(r"`([\w/]+\.py)::(test_\w+)`", row[2])
+    assert named is not None, row
+    tree = ast.parse((TESTS / named[1]).read_text())
+    found = [
+        node
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name == named[2]
+    ]
+    assert len(found) == 1, row[2]
+    assert not any("skip" in ast.unparse(mark) for mark in found[0].decorator_list)
+
+
+def test_there_are_as_many_rows_as_faults_that_were_measured() -> None:
+    assert len(FAULT_ROWS) >= 35
+    assert len({row[2] for row in FAULT_ROWS}) == len(FAULT_ROWS)

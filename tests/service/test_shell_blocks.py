@@ -30,7 +30,7 @@ CHECKED = {
     "client/README.md": "an installation",
     "docs/agents.md": "an installation; test_agents.py runs agents",
     "docs/course/exam.md": "minutes; tests/course/test_exam.py asks a question of each kind",
-    "docs/descriptions.md": "public repositories; tests/client/test_xacro.py and test_mjcf.py",
+    "docs/descriptions.md": "public repositories; tests/client/test_urdf.py and test_mjcf.py",
     "docs/install.md": "an installation; tests/test_wheels.py installs a wheel",
     "docs/work_stages.md": "a minute; tests/command_line/test_requests.py runs the example",
     "docs/mcp.md": "a server and a language model; tests/command_line/test_mcp.py",

@@ -1,18 +1,23 @@
-"""The start of a real service: what its processes load and take, and what it says meanwhile."""
+"""The start of the service: what its processes load, take and say."""
 
 import contextlib
 import os
 import re
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
 
+from service import task_references
+from service.task_references import MODULES
+from service.workers.task import TaskReference, load_tasks, registered_task, task_names
 from tests.service.commands import serve
-from tests.service.processes import alive, children, wait_until
+from tests.service.processes import alive, children, descendants, wait_until
 from tests.service.robots import HOME, answer, problem
 
 #: Libraries that compute; each has files whose paths hold its name.
@@ -102,3 +107,88 @@ def test_a_cold_cache_is_told_in_readyz_and_in_the_log(tmp_path: Path) -> None:
         process.terminate()
         _, log = process.communicate(timeout=20.0)
         assert re.search(r"INFO service\.workers\.pool: compiling kernels: \d+ of \d+", log), log
+
+
+#: The same as the command that is installed: the script's folder is on the path, not the current.
+SCRIPT = "import sys\nfrom service.cli import main\nsys.exit(main())\n"
+MARK = "import pathlib, os\npathlib.Path({marker!r}).write_text(__file__)\n"
+ROOT = Path(__file__).parents[2]
+
+
+def start(folder: Path, tmp_path: Path) -> subprocess.Popen[str]:
+    script = tmp_path / "bin" / "armwright"
+    script.parent.mkdir()
+    script.write_text(SCRIPT)
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONSAFEPATH"}
+    environment |= {"ARMWRIGHT_WORKERS": "1", "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(
+        [sys.executable, str(script), "serve", "--port", "0", "--data-dir", str(tmp_path / "data")],
+        cwd=folder,
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_packages_in_the_current_folder_are_not_imported(tmp_path: Path) -> None:
+    folder, marker = tmp_path / "project", tmp_path / "marker"
+    for package, module in (("service", "warm"), ("planning", "pipeline"), ("signal", "x")):
+        (folder / package).mkdir(parents=True)
+        for name in ("__init__", module):
+            (folder / package / f"{name}.py").write_text(MARK.format(marker=str(marker)))
+    process = start(folder, tmp_path)
+    try:
+        assert process.stdout is not None
+        assert re.match(r"Armwright serves on http://", process.stdout.readline())
+        # The fork server; what it imports is imported within a second.
+        assert wait_until(lambda: len(descendants(process.pid)) >= 1, 20.0)
+        assert not wait_until(marker.exists, 3.0), marker.read_text()
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=30)
+
+
+REFERENCES: dict[str, Any] = {
+    name: value for name, value in vars(task_references).items() if isinstance(value, TaskReference)
+}
+LOOK = """
+import sys
+import service.app, service.server
+from service.app import create_app
+create_app().openapi()
+print(*sys.modules)
+"""
+
+
+def load_all() -> None:
+    for module in MODULES:
+        load_tasks(module)
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+def test_a_reference_makes_the_jobs_of_its_task(name: str) -> None:
+    load_all()
+    reference = REFERENCES[name]
+    assert reference.job(1, b=2) == registered_task(reference.name).job(1, b=2)
+    assert reference.name.endswith(f":{name.removesuffix('_task')}")
+
+
+def test_every_task_has_a_reference() -> None:
+    for path in (ROOT / "service/endpoints").rglob("*.py"):
+        if path.stem not in ("route", "__init__"):
+            load_tasks(".".join(path.relative_to(ROOT).with_suffix("").parts))
+    referred = {reference.name for reference in REFERENCES.values()}
+    assert referred == task_names("service.endpoints")
+
+
+def test_the_server_loads_nothing_that_computes() -> None:
+    ran = subprocess.run([sys.executable, "-c", LOOK], cwd=ROOT, capture_output=True, check=True)
+    modules = ran.stdout.decode().split()
+    loaded = {name.partition(".")[0] for name in modules}
+    heavy = {"casadi", "collada", "fcl", "llvmlite", "matplotlib", "numba", "numpy", "ompl"}
+    heavy |= {"ruckig", "scipy", "toppra", "trimesh", "yaml"}
+    assert not loaded & heavy
+    assert not loaded & {"dynamics", "obstacles", "tracking"}
+    # The web framework imports the interfaces; what makes spans is not loaded without a collector.
+    makers = ("opentelemetry.sdk", "opentelemetry.exporter", "google", "service.tracing.t")
+    assert not [name for name in modules if name.startswith(makers)]

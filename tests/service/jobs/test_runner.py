@@ -1,5 +1,6 @@
-"""Jobs over HTTP: accepted, watched, cancelled, lost and found again."""
+"""Jobs over HTTP: accepted, watched by events, cancelled, lost and found again."""
 
+import asyncio
 import json
 import signal
 import time
@@ -9,6 +10,12 @@ from typing import Any
 import httpx
 import pytest
 
+from armwright_wire.plans.job import JobAnswer as Schema
+from armwright_wire.plans.task import TaskRequest
+from service.http.state import JOB_CONTEXT, JobContext
+from service.jobs.answer import job_document, job_summary
+from service.jobs.replay import Replayed, replay
+from service.storage.stores.job_store import JobAnswer, Status, StoredRequest
 from tests.service.conftest import Served
 from tests.service.jobs.requests import (
     ASYNC,
@@ -18,8 +25,10 @@ from tests.service.jobs.requests import (
     began,
     ended,
     events,
+    parsed,
     submit,
 )
+from tests.service.jobs.stored import record
 from tests.service.processes import kill_in_work, wait_until
 from tests.service.robots import (
     ASIDE,
@@ -232,3 +241,196 @@ def test_fifty_jobs_at_once_are_all_answered(client: httpx.Client) -> None:
     assert len(set(locations)) == 50
     for location in locations:
         assert ended(client, location, 60.0)["status"] == "succeeded"
+
+
+def test_events_tell_the_stages_in_order(client: httpx.Client) -> None:
+    told = events(client, submit(client, PLAN))
+    assert [event["number"] for event in told] == list(range(1, len(told) + 1))
+    assert (told[0]["event"], told[0]["status"]) == ("status", "queued")
+    assert (told[-1]["event"], told[-1]["status"], told[-1]["progress"]) == ("end", "succeeded", 1)
+    shares = [event["progress"] for event in told]
+    assert shares == sorted(shares)
+    stages = [event["stage"] for event in told if event["event"] == "stage"]
+    assert stages[0] == "preflight"
+    assert stages.index("straight_line") < stages.index("timing") < stages.index("certificate")
+
+
+def test_events_go_on_where_they_were_broken_off(client: httpx.Client) -> None:
+    job = submit(client, PLAN)
+    everything = events(client, job)
+    assert events(client, job)[-1] == everything[-1], "after the end the end is told"
+    last = everything[-1]["number"]
+    assert events(client, job, str(last - 1)) == everything[-1:]
+    assert events(client, job, "nonsense")[-1] == everything[-1]
+    over = client.get(f"{job}/events", headers={"Last-Event-ID": str(last)})
+    assert over.status_code == 204, "which tells a browser not to come back"
+    running = submit(client, STUCK)
+    began(client, running, "rrt_connect")
+    with client.stream("GET", f"{running}/events") as response:
+        first = parsed(next(text for text in response.iter_text() if text.strip()))
+    answer(client.delete(running))
+    rest = events(client, running, str(first[-1]["number"]))
+    assert rest[-1]["event"] == "end"
+    assert min(event["number"] for event in rest) > first[-1]["number"]
+
+
+def test_silent_streams_are_kept_alive(client: httpx.Client) -> None:
+    job = submit(client, STUCK)
+    began(client, job, "rrt_connect")
+    with client.stream("GET", f"{job}/events") as response:
+        assert response.headers["cache-control"] == "no-store"
+        seen = ""
+        for text in response.iter_text():
+            seen += text
+            if seen.count(": keep-alive") >= 2:
+                break
+    answer(client.delete(job))
+
+
+def test_a_failure_ends_the_events_with_its_problem(client: httpx.Client) -> None:
+    job = submit(client, STUCK | {"timeout": 0.3})
+    end = events(client, job)[-1]
+    assert (end["event"], end["status"]) == ("end", "failed")
+    assert end["error"] == answer(client.get(job))["error"]
+    assert events(client, job)[-1] == end, "and when it is asked for later"
+
+
+_TASK: Any = TaskRequest.model_json_schema()["examples"][0]
+_HOME = _TASK["start"]
+_GOALS = [
+    {"id": f"g{k}", "joints": [0.2 * (k + 1), *_HOME["joints"][1:]]} for k in range(3)
+]  # fmt: skip
+_POSES = [
+    {"position": [0.3 + 0.02 * k, 0.1, 0.4], "quaternion_xyzw": [1.0, 0.0, 0.0, 0.0]}
+    for k in range(20)
+]
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "stages"),
+    [
+        ("/v1/tasks", _TASK | {"stages": _TASK["stages"][:6], "improve": 0.0, "timeout": 30.0},
+         ["stage 4 (attach)", "stage 0 (move)"]),
+        ("/v1/tours", {"robot": "panda", "start": _HOME, "goals": _GOALS, "rounds": 0,
+                       "timeout": 30.0}, ["configurations", "prove"]),
+        ("/v1/robots/panda/reach", {"poses": _POSES}, ["reach"]),
+    ],
+)  # fmt: skip
+def test_stages_are_told_in_order_with_shares_that_rise(
+    client: httpx.Client, path: str, body: Any, stages: list[str]
+) -> None:
+    told = events(client, submit(client, body, path))
+    assert [event["number"] for event in told] == list(range(1, len(told) + 1))
+    assert told[0]["status"] == "queued"
+    last = told[-1]
+    assert (last["event"], last["status"], last["progress"]) == ("end", "succeeded", 1)
+    shares = [event["progress"] for event in told]
+    assert shares == sorted(shares)
+    named = [event["stage"] for event in told if event["event"] == "stage"]
+    places = [named.index(stage) for stage in stages]
+    assert places == sorted(places)
+
+
+PROBLEM = {
+    "type": "/v1/problems/CRASH", "title": "t", "status": 500, "detail": "d", "instance": "/x",
+    "code": "CRASH", "stage": None, "hint": None, "details": {},
+}  # fmt: skip
+
+
+def document(
+    status: Status, answer: JobAnswer | None, lifetime: float = 60.0, **changes: Any
+) -> dict[str, Any]:
+    content = job_document(record(status=status, **changes), answer, lifetime)
+    parsed: dict[str, Any] = json.loads(content)
+    Schema.model_validate(parsed)
+    return parsed
+
+
+def answer_of(value: object, content_type: str = "application/json") -> JobAnswer:
+    return JobAnswer(content_type, json.dumps(value).encode())
+
+
+def test_times_are_told_in_utc() -> None:
+    summary = job_summary(record(created=0.0, started=1.5, ended=3600.0), 60.0).model_dump()
+    assert summary["created"] == "1970-01-01T00:00:00+00:00"
+    assert summary["started"] == "1970-01-01T00:00:01.500000+00:00"
+    assert summary["ended"] == "1970-01-01T01:00:00+00:00"
+    assert summary["expires"] == "1970-01-01T01:01:00+00:00"
+
+
+def test_a_job_that_has_not_ended_does_not_expire() -> None:
+    assert job_summary(record(), 60.0).expires is None
+    assert job_summary(record(ended=10.0)).expires is None
+
+
+def test_a_result_is_there_once_the_job_has_succeeded() -> None:
+    result = {"a": [1, 2.5, None]}
+    assert document("succeeded", answer_of(result))["result"] == result
+    assert document("succeeded", answer_of(result))["error"] is None
+    for status in ("queued", "running", "cancelled"):
+        found = document(status, answer_of(result))
+        assert (found["result"], found["error"]) == (None, None)
+    assert document("succeeded", None)["result"] is None
+
+
+@pytest.mark.parametrize(
+    ("answer", "result"),
+    [
+        (JobAnswer("application/json; charset=utf-8", b"[1]"), [1]),
+        (JobAnswer("application/geo+json", b"[1]"), [1]),
+        (JobAnswer("application/json", b""), None),
+        (JobAnswer("text/csv", b"time,a\n0,1\n"), "time,a\n0,1\n"),
+        (JobAnswer("text/csv", b'a"b\\\n'), 'a"b\\\n'),
+        (JobAnswer("image/svg+xml", b"<svg/>"), "<svg/>"),
+        (JobAnswer("application/octet-stream", b"\xff"), "/w=="),
+    ],
+)
+def test_a_result_that_is_no_json_is_text_or_base64(answer: JobAnswer, result: object) -> None:
+    assert document("succeeded", answer)["result"] == result
+
+
+CONTEXT = JobContext("id", 1.0, lambda: None, lambda share, stage: None)
+REQUEST = StoredRequest("POST", "/v1/plan", "application/json; charset=utf-8", b'{"a": 1}')
+
+
+def run(app: Any) -> Replayed:
+    return asyncio.run(replay(app, REQUEST, CONTEXT))
+
+
+def test_the_request_arrives_whole_and_nobody_leaves() -> None:
+    seen: dict[str, Any] = {}
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        seen.update(scope)
+        seen["message"] = await receive()
+        waiting = asyncio.ensure_future(receive())
+        await asyncio.sleep(0.01)
+        seen["left"] = waiting.done()
+        waiting.cancel()
+        headers = [(b"content-type", b"application/json"), (b"location", b"/v1/robots/x")]
+        await send({"type": "http.response.start", "status": 201, "headers": headers})
+        await send({"type": "http.response.body", "body": b'{"b":', "more_body": True})
+        await send({"type": "http.response.body", "body": b"2}"})
+
+    replayed = run(app)
+    assert (seen["method"], seen["path"]) == ("POST", "/v1/plan")
+    assert dict(seen["headers"])[b"content-type"] == REQUEST.content_type.encode()
+    assert dict(seen["headers"])[b"content-length"] == b"8"
+    assert seen["message"] == {"type": "http.request", "body": REQUEST.body, "more_body": False}
+    assert seen["left"] is False
+    assert seen[JOB_CONTEXT] is CONTEXT
+    assert replayed.status == 201
+    assert replayed.headers["location"] == "/v1/robots/x"
+    assert (replayed.answer.content_type, replayed.answer.content) == (
+        "application/json",
+        b'{"b":2}',
+    )
+
+
+def test_an_application_that_answers_nothing_has_failed() -> None:
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        pass
+
+    replayed = run(app)
+    assert replayed.status == 500
+    assert replayed.answer.content_type == "application/octet-stream"

@@ -1,21 +1,33 @@
-"""Caches: prepared values on disk, values used last, records never older than what was written."""
+"""Caches, prepared files and scenes as workers keep them."""
 
+import os
 from collections import OrderedDict
 from pathlib import Path
+from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from armwright_wire.scenes.scene import Scene as SentScene
+from kinematics.errors import InvalidLinkName
+from kinematics.forward import forward
+from kinematics.robots import builtin_chain
+from obstacles.scenes.placement import in_frame, place
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box
-from service.storage.caches import disk_cache, prepared_files
+from service.storage.caches import disk_cache, prepared_files, worker_cache
 from service.storage.caches.cache_key import NotPrepared, Reference
 from service.storage.caches.disk_cache import PreparedRobot
 from service.storage.caches.recent import Recent
+from service.translate import poses
 from tests.planning.scenes import builtin
+from tests.service.conftest import Served
+from tests.service.robots import HOME, answer, bench, scene
+from tests.service.test_meshes import elbow, obj
 
 
 def random_scene(count: int = 100) -> Scene:
@@ -117,3 +129,218 @@ def test_bytes_and_numbers_are_bounded(puts: list[tuple[int, int]]) -> None:
         assert key in cache, "the last one stays, whatever it has"
         assert {k for k in range(10) if k in cache} == set(model)
         assert cache.weight == sum(model.values())
+
+
+#: The file that hangs on a chain's name and limits, not on solids alone.
+GRID = 1
+#: An elbow that no other test has: the files of its solids are not there.
+LARGE_ELBOW = [[1.37 * x for x in corner] for corner in elbow()[0]], elbow()[1]
+ELBOW_ROBOT = {
+    "name": "elbow_robot",
+    "urdf": """<robot name="e"><link name="base"/>
+      <link name="arm"><collision><geometry><mesh filename="elbow.obj"/></geometry></collision>
+      </link>
+      <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+        <limit lower="-2" upper="2" velocity="1" effort="1"/></joint></robot>""",
+    "meshes": {"elbow.obj": obj(LARGE_ELBOW)},
+}
+
+
+def size(folder: Path) -> int:
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+
+
+def elbow_at(x: float) -> dict[str, Any]:
+    vertices, faces = elbow()
+    shape = {"type": "mesh", "vertices": [[a + x, b, c] for a, b, c in vertices], "faces": faces}
+    return {"id": "elbow", "shape": shape, "pose": {"position": [0.0, 0.0, 2.0]}}
+
+
+def test_nothing_stays_of_what_was_deleted(served: Served) -> None:
+    client, folder = served.client, served.data / "prepared"
+    before = size(folder)
+    for i in range(5):
+        answer(client.post("/v1/robots", json=bench(f"gone_{i}")), 201)
+        document = {"name": f"gone_{i}", **scene(elbow_at(0.001 * i))}
+        answer(client.post("/v1/scenes", json=document), 201)
+        answer(client.put("/v1/scenes/gone_0", json=scene(elbow_at(0.1 + 0.001 * i))))
+        inline = {"robot": "panda", "joints": HOME, "scene": scene(elbow_at(0.2 + 0.001 * i))}
+        answer(client.post("/v1/check", json=inline))
+    assert size(folder) > before
+    for i in range(5):
+        for kind in ("robots", "scenes"):
+            assert client.delete(f"/v1/{kind}/gone_{i}").status_code == 204
+    assert size(folder) == before
+
+
+def test_meshes_go_with_their_reference_and_with_nothing_else(tmp_path: Path) -> None:
+    parts = prepared_files.decompositions(str(tmp_path))
+    parts.mkdir()
+    files = [parts / f"{name}.npz" for name in "abc"]
+    for file in files:
+        file.write_bytes(b"x")
+    reference = Reference("robot", "r", "hash", str(tmp_path))
+    prepared_files.prepared_file(reference).write_bytes(b"x")
+    prepared_files.note_meshes(reference, files[:2])
+    prepared_files.forget(reference)
+    assert [file for file in tmp_path.rglob("*") if file.is_file()] == [files[2]]
+    prepared_files.forget(reference)
+
+
+def test_files_that_another_needs_stay_until_it_goes_too(tmp_path: Path) -> None:
+    parts = prepared_files.decompositions(str(tmp_path))
+    parts.mkdir()
+    files = [parts / f"{name}.npz" for name in "abc"]
+    for file in files:
+        file.write_bytes(b"x")
+    robot, scene = (Reference(kind, "x", kind, str(tmp_path)) for kind in ("robot", "scene"))
+    prepared_files.note_meshes(robot, files[:2])
+    prepared_files.note_meshes(scene, files[1:])
+    prepared_files.forget(robot)
+    assert sorted(parts.iterdir()) == files[1:]
+    prepared_files.forget(scene)
+    assert list(parts.iterdir()) == []
+
+
+def test_files_of_a_robot_stay_when_its_limits_change(served: Served) -> None:
+    """They were removed with the robot as it was: each worker computed them anew, for seconds."""
+    client, folder = served.client, served.data / "prepared"
+    parts = folder / "decompositions"
+    before = {file.name for file in parts.glob("*")}
+    answer(client.post("/v1/robots", json=ELBOW_ROBOT), 201)
+    made = {file.name for file in parts.glob("*")} - before
+    assert any(name.endswith(".npz") for name in made)
+    for acceleration in (3.0, 4.0):
+        change = {"joint_limits": {"*": {"acceleration": acceleration}}}
+        answer(client.patch("/v1/robots/elbow_robot", json=change))
+        left = {file.name for file in parts.glob("*")}
+        assert len(made & left) >= len(made) - GRID
+    answer(client.post("/v1/robots", json={**ELBOW_ROBOT, "name": "elbow_twin"}), 201)
+    assert client.delete("/v1/robots/elbow_robot").status_code == 204
+    left = {file.name for file in parts.glob("*")}
+    assert len(made & left) >= len(made) - GRID
+    assert client.delete("/v1/robots/elbow_twin").status_code == 204
+    assert {file.name for file in parts.glob("*")} == before
+
+
+def test_what_was_written_first_goes_first(tmp_path: Path) -> None:
+    for age in range(6):
+        file = tmp_path / f"{age}.scene"
+        file.write_bytes(b"x" * 100)
+        os.utime(file, (1000.0 - age, 1000.0 - age))
+    assert prepared_files.trim(str(tmp_path), 350) == 300
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["0.scene", "1.scene", "2.scene"]
+    assert prepared_files.trim(str(tmp_path / "none"), 0) == 0
+
+
+def test_what_was_trimmed_is_built_again(served: Served, client: httpx.Client) -> None:
+    answer(client.post("/v1/robots", json=bench("trimmed")), 201)
+    joints = {"joints": [0.1, 0.2]}
+    first = answer(client.post("/v1/robots/trimmed/fk", json=joints))
+    prepared_files.trim(str(served.data / "prepared"), 0)
+    assert answer(client.post("/v1/robots/trimmed/fk", json=joints)) == first
+
+
+TEXT = """
+world:
+  collision_objects:
+    - id: box
+      pose: {position: [0.5, 0.0, %s], orientation: [0.0, 0.0, 0.0, 1.0]}
+      primitives: [{type: box, dimensions: [0.1, 0.2, 0.3]}]
+      primitive_poses: [{position: [0.0, 0.0, 0.0], orientation: [0.0, 0.0, 0.0, 1.0]}]
+"""
+
+
+def test_the_text_of_a_scene_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[str] = []
+    original = poses.scene
+
+    def note(source: SentScene) -> object:
+        read.append(source.moveit or "")
+        return original(source)
+
+    monkeypatch.setattr(poses, "scene", note)
+    first = SentScene(moveit=TEXT % "0.25")
+    made = worker_cache.scene(first)
+    assert made == original(first)
+    assert worker_cache.scene(SentScene(moveit=TEXT % "0.25")) is made
+    assert len(read) == 1
+    # Whatever else a scene says is part of what it is known by.
+    others = [
+        SentScene(moveit=TEXT % "0.5"),
+        SentScene(moveit=TEXT % "0.25", frame="panda_link0"),
+        SentScene(moveit=TEXT % "0.25", allowed_collisions=[["box", "panda_hand"]]),
+    ]
+    for number, other in enumerate(others):
+        assert worker_cache.scene(other) == original(other)
+        assert len(read) == 2 + number
+
+
+def text_in(*frames: str) -> str:
+    """A scene with a box in each frame."""
+    boxes = "".join(
+        f"\n    - id: box_{frame}\n      header: {{frame_id: {frame}}}"
+        "\n      primitives: [{type: box, dimensions: [0.1, 0.2, 0.3]}]"
+        "\n      primitive_poses: [{position: [0.4, 0.1, 0.2], orientation: [0, 0, 0, 1]}]"
+        for frame in frames
+    )
+    return f"world:\n  collision_objects:{boxes}\n"
+
+
+def test_a_scene_that_is_kept_is_kept_in_the_root_frame_too() -> None:
+    panda, ur5e = builtin_chain("panda"), builtin_chain("ur5e")
+    source = SentScene(moveit=text_in("panda_link0", "world"))
+    placed = worker_cache.placed_scene(source, None, panda, None)
+    assert placed == place(poses.scene(source), panda)
+    assert worker_cache.placed_scene(source, None, panda, np.zeros(7)) is placed
+    # Another robot has other frames.
+    with pytest.raises(InvalidLinkName, match="panda_link0"):
+        worker_cache.placed_scene(source, None, ur5e, None)
+    # Obstacles that name no frame are in that of the request.
+    rootless = SentScene(moveit=TEXT % "0.75")
+    for frame in (None, "panda_link0", "world"):
+        expected = poses.scene(rootless)
+        if frame is not None:
+            expected = place(in_frame(expected, frame), panda)
+        assert worker_cache.placed_scene(rootless, frame, panda, None) == expected
+
+
+def test_what_is_at_the_tool_is_placed_for_each_request() -> None:
+    panda = builtin_chain("panda")
+    sphere = {"type": "sphere", "radius": 0.1}
+    poses_of = {"at": {"position": [0.1, 0.2, 0.3], "frame": "tool"}, "by": {"position": [1, 0, 0]}}
+    obstacles = [{"id": name, "shape": sphere, "pose": pose} for name, pose in poses_of.items()]
+    source = SentScene.model_validate({"obstacles": obstacles})
+    drawn = np.random.default_rng(3).uniform(-1.0, 1.0, (4, 7))
+    for q in drawn:
+        placed = worker_cache.placed_scene(source, None, panda, q)
+        expected = forward(panda, q) @ poses.scene(source).obstacles[0].T_world_obstacle
+        np.testing.assert_allclose(placed.obstacles[0].T_world_obstacle, expected, atol=1e-12)
+    with pytest.raises(InvalidLinkName, match="where the tool is"):
+        worker_cache.placed_scene(source, None, panda, None)
+
+
+def test_inline_obstacles_are_made_once() -> None:
+    def body(height: float) -> SentScene:
+        sphere = {"type": "sphere", "radius": 0.1}
+        pose = {"position": [0.5, 0.0, height]}
+        return SentScene.model_validate({"obstacles": [{"id": "a", "shape": sphere, "pose": pose}]})
+
+    made = worker_cache.scene(body(0.25))
+    assert worker_cache.scene(body(0.25)) is made
+    other = worker_cache.scene(body(0.5))
+    assert other == poses.scene(body(0.5)) != made
+
+
+def test_another_text_with_the_same_obstacles_is_the_same_scene() -> None:
+    panda = builtin_chain("panda")
+    first, second = (f"name: {name}\n{text_in('panda_link0')}" for name in ("one", "two"))
+    made = worker_cache.scene(SentScene(moveit=first))
+    assert worker_cache.scene(SentScene(moveit=second)) is made
+    placed = worker_cache.placed_scene(SentScene(moveit=first), None, panda, None)
+    assert worker_cache.placed_scene(SentScene(moveit=second), None, panda, None) is placed
+
+
+def test_nothing_around_a_robot_is_always_the_same() -> None:
+    assert worker_cache.scene(None) is worker_cache.scene(None)
+    assert not worker_cache.scene(None).obstacles

@@ -1,15 +1,29 @@
-"""Documents in the database: by name, in pages, and of one tenant."""
+"""Documents, plans, keys and robots in the database: by name, in pages, of one tenant."""
 
+import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import pytest
 
 from service.http.errors import status_of
 from service.problem import ProblemError
-from service.storage.store import Store
-from service.storage.stores.audit_store import Actor
+from service.storage.caches.cache_key import Kind, Reference, builtin_reference
+from service.storage.caches.prepared_files import document_hash
+from service.storage.robot_repository import RobotRepository, is_built_in
+from service.storage.store import Store, open_store
+from service.storage.stores.audit_store import Actor, last_entries
 from service.storage.stores.document_store import DocumentStore
 from service.storage.stores.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
+from service.storage.stores.key_store import ApiKey
+from service.storage.stores.plan_store import (
+    PlanContent,
+    PlanRecord,
+    PlanStore,
+    Retention,
+)
+from tests.service.jobs.stored import REQUEST
+from tests.service.jobs.stored import record as job_record
 
 KEY = IdempotencyKey("k", "POST /v1/scenes")
 
@@ -176,3 +190,252 @@ def test_a_precondition_that_fails_changes_nothing(documents: DocumentStore) -> 
     assert seen == [None, record.hash, record.hash]
     assert [document.name for document in documents.list("scene", "", 10)] == ["a"]
     assert documents.get("scene", "a").content == b"one"
+
+
+CONTENT = PlanContent(b'{"robot": "arm"}', b'{"status": "success"}')
+PLENTY = Retention(lifetime=1e9, count=1000, storage=10**9)
+
+
+def record(number: int = 1, **changes: object) -> PlanRecord:
+    first = PlanRecord(
+        id=f"{number:032x}", method="POST", path="/v1/plan", status=200, code=None, robot="arm",
+        robot_hash=None, scene=None, scene_hash=None, seed=2**32 - 1, version="0.1.0",
+        digest="d" * 64, created=float(number),
+    )  # fmt: skip
+    return replace(first, **changes)  # type: ignore[arg-type]
+
+
+def ids(plans: PlanStore, tenant: str = "default") -> list[int]:
+    return [int(item.id, 16) for item in plans.list("", 100, tenant)]
+
+
+def test_a_plan_comes_back_as_it_was_kept(store: Store) -> None:
+    whole = record(code="TIMED_OUT", status=504, job="j", replay_of="r", api_key="k")
+    store.plans.add(whole, CONTENT)
+    assert store.plans.get(whole.id, "default") == (whole, CONTENT)
+
+
+def test_plans_of_other_tenants_are_not_there(store: Store) -> None:
+    store.plans.add(record(1, tenant="one"), CONTENT)
+    assert ids(store.plans, "two") == []
+    for ask in (store.plans.get, store.plans.delete):
+        with pytest.raises(ProblemError) as missing:
+            ask(record(1).id, "two")
+        assert missing.value.code == "NOT_FOUND"
+    assert ids(store.plans, "one") == [1]
+
+
+@pytest.mark.parametrize("name", ["", "nobody", "'; DROP TABLE plans; --", "a\0b"])
+def test_a_plan_that_is_not_there_is_not_found(store: Store, name: str) -> None:
+    with pytest.raises(ProblemError) as missing:
+        store.plans.get(name, "default")
+    assert missing.value.code == "NOT_FOUND"
+
+
+def test_plans_are_listed_page_by_page_newest_first(store: Store) -> None:
+    for number in range(1, 6):
+        store.plans.add(record(number, robot="arm" if number % 2 else "leg"), CONTENT)
+    first = store.plans.list("", 2, "default")
+    assert [int(item.id, 16) for item in first] == [5, 4]
+    rest = store.plans.list(first[-1].id, 10, "default")
+    assert [int(item.id, 16) for item in rest] == [3, 2, 1]
+    arms = store.plans.list("", 10, "default", robot="arm")
+    assert [int(item.id, 16) for item in arms] == [5, 3, 1]
+
+
+def test_a_document_outlives_its_robot(store: Store) -> None:
+    stored = store.documents.create("robot", "arm", b"first")
+    store.plans.add(record(1, robot_hash=stored.hash), CONTENT)
+    store.plans.add(record(2, robot_hash=stored.hash), CONTENT)
+    store.documents.replace("robot", "arm", b"second")
+    store.documents.delete("robot", "arm")
+    assert store.plans.document(stored.hash, "default") == b"first"
+    assert store.plans.document(stored.hash, "other") is None
+    store.plans.delete(record(1).id, "default")
+    assert store.plans.document(stored.hash, "default") == b"first"
+    store.plans.delete(record(2).id, "default")
+    assert store.plans.document(stored.hash, "default") is None
+
+
+def test_a_document_that_was_replaced_meanwhile_is_not_mistaken(store: Store) -> None:
+    stored = store.documents.create("scene", "table", b"first")
+    store.documents.replace("scene", "table", b"second")
+    store.plans.add(record(1, scene="table", scene_hash=stored.hash), CONTENT)
+    assert store.plans.document(stored.hash, "default") is None
+
+
+def test_plans_that_are_too_old_or_too_many_are_forgotten(store: Store) -> None:
+    for number in range(1, 7):
+        store.plans.add(record(number), CONTENT)
+    store.plans.purge(7.0, PLENTY)
+    assert ids(store.plans) == [6, 5, 4, 3, 2, 1]
+    store.plans.purge(7.0, replace(PLENTY, lifetime=5.0))
+    assert ids(store.plans) == [6, 5, 4, 3, 2]
+    store.plans.purge(7.0, replace(PLENTY, count=3))
+    assert ids(store.plans) == [6, 5, 4]
+    size = len(CONTENT.request) + len(CONTENT.answer)
+    store.plans.purge(7.0, replace(PLENTY, storage=2 * size))
+    assert ids(store.plans) == [6, 5]
+    store.plans.purge(7.0, replace(PLENTY, storage=1))
+    assert ids(store.plans) == [6]
+
+
+def test_the_bounds_are_of_each_tenant(store: Store) -> None:
+    for number in range(1, 9):
+        tenant = "quiet" if number == 1 else "busy"
+        document = bytes([number]) * 100
+        digest = document_hash(document)
+        kept = record(number, tenant=tenant, robot_hash=digest)
+        store.plans.add(kept, CONTENT, {digest: document})
+    store.plans.purge(9.0, replace(PLENTY, count=4))
+    assert (ids(store.plans, "quiet"), ids(store.plans, "busy")) == ([1], [8, 7, 6, 5])
+    store.plans.purge(9.0, replace(PLENTY, storage=250))
+    assert (ids(store.plans, "quiet"), ids(store.plans, "busy")) == ([1], [8, 7])
+    store.plans.purge(9.0, replace(PLENTY, storage=1))
+    assert (ids(store.plans, "quiet"), ids(store.plans, "busy")) == ([1], [8])
+
+
+def test_documents_are_bounded_together(store: Store) -> None:
+    for number in range(1, 5):
+        document = bytes([number]) * 100
+        digest = document_hash(document)
+        store.plans.add(record(number, robot_hash=digest), CONTENT, {digest: document})
+    store.plans.purge(9.0, replace(PLENTY, storage=250))
+    assert ids(store.plans) == [4, 3]
+    assert store.plans.document(document_hash(b"\x02" * 100), "default") is None
+    assert store.plans.document(document_hash(b"\x03" * 100), "default") == b"\x03" * 100
+
+
+KEY_STORE_KEY = ApiKey(
+    "0123456789ab", "of the cell", "d" * 64, "admin", "one", 1000.0, 2000.0, None, 600, 5, 10**10
+)
+
+
+def test_a_key_comes_back_as_it_was_kept(store: Store) -> None:
+    assert not store.keys.are_there_any()
+    store.keys.add(KEY_STORE_KEY)
+    assert store.keys.find(KEY_STORE_KEY.id) == KEY_STORE_KEY
+    assert store.keys.find("nobody") is None
+    other = replace(KEY_STORE_KEY, id="later", created=3000.0, expires=None, rate=None)
+    store.keys.add(other)
+    assert store.keys.list() == [KEY_STORE_KEY, other]
+    assert store.keys.are_there_any()
+
+
+def test_a_revoked_key_stays_and_is_not_valid(store: Store) -> None:
+    store.keys.add(KEY_STORE_KEY)
+    assert KEY_STORE_KEY.is_valid(1999.9)
+    assert not KEY_STORE_KEY.is_valid(2000.0)
+    assert store.keys.revoke(KEY_STORE_KEY.id)
+    assert not store.keys.revoke(KEY_STORE_KEY.id)
+    assert not store.keys.revoke("nobody")
+    revoked = store.keys.find(KEY_STORE_KEY.id)
+    assert revoked is not None
+    assert revoked.revoked == pytest.approx(time.time(), abs=5.0)
+    assert not revoked.is_valid(1500.0)
+    assert store.keys.are_there_any(), "revoking the last key opens nothing"
+
+
+def test_every_change_is_in_the_audit_log(store: Store) -> None:
+    store.keys.add(KEY_STORE_KEY)
+    documents = DocumentStore(store.database, Actor("one", KEY_STORE_KEY.id))
+    documents.create("robot", "arm", b"1")
+    documents.replace("robot", "arm", b"2")
+    documents.replace("scene", "table", b"1")
+    with pytest.raises(ProblemError):
+        documents.create("robot", "arm", b"3")
+    with pytest.raises(ProblemError):
+        documents.delete("robot", "none")
+    documents.delete("robot", "arm")
+    store.keys.revoke(KEY_STORE_KEY.id)
+    entries = last_entries(store.database, 100)[::-1]
+    assert [(entry.api_key, entry.action, entry.target) for entry in entries] == [
+        (None, "create", f"key {KEY_STORE_KEY.id}"),
+        (KEY_STORE_KEY.id, "create", "robot arm"),
+        (KEY_STORE_KEY.id, "replace", "robot arm"),
+        (KEY_STORE_KEY.id, "create", "scene table"),
+        (KEY_STORE_KEY.id, "delete", "robot arm"),
+        (None, "revoke", f"key {KEY_STORE_KEY.id}"),
+    ]
+    assert {entry.tenant for entry in entries} == {"one"}
+    assert all(abs(entry.time - time.time()) < 60.0 for entry in entries)
+    assert [entry.action for entry in last_entries(store.database, 2)] == ["revoke", "delete"]
+
+
+def test_storage_of_a_tenant_is_bounded(store: Store) -> None:
+    small = DocumentStore(store.database, Actor("small"), storage_limit=10)
+    small.create("scene", "a", b"12345")
+    small.create("robot", "b", b"1234")
+    for method, name, content in (
+        (small.create, "c", b"12"),
+        (small.replace, "a", b"1234567"),
+        (small.replace, "c", b"12"),
+    ):
+        with pytest.raises(ProblemError) as error:
+            method("scene", name, content)
+        assert error.value.code == "QUOTA_EXCEEDED"
+        assert error.value.details["storage_limit"] == 10
+    assert small.get("scene", "a").content == b"12345", "nothing of it was kept"
+    small.replace("scene", "a", b"123456")
+    small.delete("robot", "b")
+    small.create("scene", "c", b"1234")
+    DocumentStore(store.database, Actor("other"), storage_limit=10).create("scene", "a", b"x" * 10)
+
+
+def found(repository: RobotRepository, kind: Kind, name: str) -> Reference:
+    (reference,) = repository.look_up([(kind, name)])
+    assert reference is not None
+    return reference
+
+
+def test_built_in_robots_need_no_store_and_go_first(store: Store) -> None:
+    store.documents.create("robot", "panda", b"another one")
+    repository = RobotRepository(store.documents, "folder")
+    assert found(repository, "robot", "panda") == builtin_reference("panda", "folder")
+    assert is_built_in("panda")
+    assert not is_built_in("Panda")
+
+
+def test_a_stored_robot_is_known_by_the_hash_of_its_document(store: Store) -> None:
+    store.documents.create("robot", "mine", b"one")
+    repository = RobotRepository(store.documents, "folder")
+    before = found(repository, "robot", "mine")
+    assert (before.kind, before.hash) == ("robot", document_hash(b"one"))
+    assert (before.folder, before.built_in) == ("folder", False)
+    assert repository.document(before) == (before, b"one")
+    store.documents.replace("robot", "mine", b"two")
+    after, content = repository.document(before)
+    assert content == b"two"
+    assert after == found(repository, "robot", "mine") != before
+
+
+def test_scenes_and_robots_have_names_of_their_own(store: Store) -> None:
+    store.documents.create("scene", "table", b"{}")
+    repository = RobotRepository(store.documents, "folder")
+    assert found(repository, "scene", "table").kind == "scene"
+    with pytest.raises(ProblemError) as missing:
+        found(repository, "robot", "table")
+    assert missing.value.code == "NOT_FOUND"
+    assert "panda" in (missing.value.hint or ""), "the hint lists the built-in ones"
+    with pytest.raises(ProblemError):
+        found(repository, "scene", "panda")
+
+
+STORE_KEY = IdempotencyKey("k", "POST /x")
+ANSWER = Recorded(201, {"location": "/y"}, b"{}")
+
+
+def test_everything_is_seen_at_once_and_survives_a_restart(url: str) -> None:
+    first, other = open_store(url), open_store(url)
+    kept = first.documents.create("robot", "a", b"content")
+    first.jobs.add(job_record(), REQUEST)
+    assert first.answers.begin(STORE_KEY, "hash") is None
+    first.answers.finish(STORE_KEY, ANSWER)
+    first.close()
+    for store in (other, open_store(url)):
+        found = store.documents.get("robot", "a")
+        assert (found.record, found.content) == (kept, b"content")
+        assert store.jobs.get(job_record().id) == (job_record(), None)
+        assert store.jobs.request(job_record().id) == REQUEST
+        assert store.answers.begin(STORE_KEY, "hash") == ANSWER
+        store.close()

@@ -1,16 +1,24 @@
-"""Computed torque and independent joints: poles as placed, exact where their model is."""
+"""Controllers and their gains: formulas, poles, rates and refusals."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_simpson
 
-from kinematics.errors import InvalidOption
+from dynamics.model.body import scale_masses
+from dynamics.parameters.regressor import reference_regressor
+from dynamics.terms import augmented_mass_matrix, coriolis_matrix, gravity_vector
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption, InvalidRobotState
 from tests.dynamics.samples import planar_rr, random_chain
 from tests.tracking.samples import constant, linear_response, slider, smooth
+from tracking.controllers.adaptive import Adaptive
+from tracking.controllers.controller import Flow, LawController, Reference
+from tracking.controllers.gain import commute, gain_matrix, gain_vector
 from tracking.controllers.independent_joint import IndependentJoint
-from tracking.controllers.model_based import ComputedTorque, PdGravity
+from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
 from tracking.simulation.simulation import SimulationOptions, simulate
 
 FINE = SimulationOptions(relative_tolerance=1e-10, absolute_tolerance=1e-12, saturate=False)
@@ -148,3 +156,146 @@ def test_a_moving_reference_is_followed_with_a_lag() -> None:
     )
     assert stiff.max_tracking_error.max() < 0.2 * soft.max_tracking_error.max()
     assert stiff.max_tracking_error.max() > 1e-4
+
+
+ARM = random_chain(11, 3, motors=True)
+HEAVY = scale_masses(ARM, [1.3, 0.8, 1.1])
+RNG = np.random.default_rng(3)
+LAMBDA, KP, KD = RNG.uniform(1.0, 5.0, (3, 3))
+K = np.diag([6.0, 5.0, 7.0]) + 2.0
+LEARNING = Adaptive(ARM, LAMBDA, K, np.array(2.0), learned=("mx3", "Izz3"))
+OFF = 0.3
+STATES = RNG.uniform(-2.0, 2.0, (5, 6, 3))
+
+
+def energy_rate(q: Array, qd: Array, r: Array, r_dot: Array) -> float:
+    """Rate of r^T M r / 2 of the true robot."""
+    M, C = augmented_mass_matrix(HEAVY, q), coriolis_matrix(HEAVY, q, qd)
+    return float(r @ (M @ r_dot + C @ r))
+
+
+@pytest.mark.parametrize(("q", "qd", "qr", "vr", "ar", "qdd"), STATES)
+def test_torques_and_functions_are_those_of_the_formulas(
+    q: Array, qd: Array, qr: Array, vr: Array, ar: Array, qdd: Array
+) -> None:
+    at, M, B = Reference(qr, vr, ar), augmented_mass_matrix(ARM, q), ARM.viscous_friction
+    C, G, true = (
+        coriolis_matrix(ARM, q, qd),
+        gravity_vector(ARM, q),
+        augmented_mass_matrix(HEAVY, q),
+    )
+    e, e1, e2, J = qr - q, vr - qd, ar - qdd, ARM.motor_inertia
+    r, r1 = e1 + LAMBDA * e, e2 + LAMBDA * e1
+    v, a = vr + LAMBDA * e, ar + LAMBDA * e1
+    learning = LEARNING.with_estimate(LEARNING.estimate + OFF)
+    Y = learning.parameters.regressor(reference_regressor(ARM, q, qd, v, a))
+    passive = M @ a + C @ v + B * qd + G + K @ r
+    spring, bend = (LAMBDA * e) @ K @ e, (LAMBDA * e) @ K @ e1 + e @ K @ (LAMBDA * e1)
+    off = learning.estimate - learning.parameters.of(HEAVY)
+    learned = 2.0 * Y.T @ r
+    V = 0.5 * r @ true @ r + spring
+    V1 = energy_rate(q, qd, r, r1) + bend
+    linear = KP + 0.5 * KD**2
+    expected: list[tuple[LawController, Array, float, float]] = [
+        (IndependentJoint(ARM, KP, KD), J * ar + B * vr + KP * e + KD * e1,
+         0.5 * (e1 @ (J * e1) + e @ (KP * e)), e1 @ (J * e2 + KP * e)),
+        (ComputedTorque(ARM, KP, KD), M @ (ar + KD * e1 + KP * e) + C @ qd + B * qd + G,
+         0.5 * np.sum(e1**2 + linear * e**2 + KD * e * e1),
+         np.sum(e1 * (e2 + linear * e) + 0.5 * KD * (e1**2 + e * e2))),
+        (PdGravity(ARM, KP, KD), KP * e + KD * e1 + G, 0.5 * (qd @ true @ qd + e @ (KP * e)),
+         energy_rate(q, qd, qd, qdd) + e1 @ (KP * e)),
+        (Passivity(ARM, LAMBDA, K), passive, V, V1),
+        (learning, passive + Y @ np.full(2, OFF), V + 0.25 * off @ off, V1 + 0.5 * off @ learned),
+    ]  # fmt: skip
+    for used, torque, value, rate in expected:
+        flow = Flow(q, qd, qdd, learned if used is learning else np.zeros(0))
+        np.testing.assert_allclose(used.torque(0.0, q, qd, at), torque, rtol=1e-9, atol=1e-9)
+        assert used.lyapunov(q, qd, at, HEAVY) == pytest.approx(value, rel=1e-9)
+        assert used.lyapunov_rate(flow, at, HEAVY) == pytest.approx(rate, rel=1e-9, abs=1e-9)
+    np.testing.assert_allclose(learning.adaptation(0.0, q, qd, at), learned, rtol=1e-9)
+
+
+def test_states_of_another_length_are_refused() -> None:
+    at = Reference(*np.zeros((3, 3)))
+    with pytest.raises(InvalidRobotState):
+        Passivity(ARM, LAMBDA, K).torque(0.0, np.zeros(2), np.zeros(3), at)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lyapunov_function_falls_as_its_derivative_says(seed: int) -> None:
+    chain = random_chain(seed, 2 + seed, motors=seed % 2 == 0)
+    rng = np.random.default_rng(seed)
+    start, end, offset = rng.uniform(-1, 1, (3, chain.n))
+    Lambda, K = rng.uniform(2.0, 6.0, chain.n), rng.uniform(3.0, 9.0, chain.n)
+    result = simulate(
+        Passivity(chain, Lambda, K),
+        smooth(chain, start, end, 1.5),
+        SimulationOptions(sample_period=1e-3, saturate=False),
+        initial_position=start + 0.5 * offset,
+    )
+    V = result.lyapunov
+    e, e_dot = result.tracking_error, result.reference_velocity - result.velocity
+    assert (np.diff(V) <= 1e-9 * V[0]).all()
+    assert V[-1] < V[0]
+    spent = (K * e_dot**2).sum(axis=1) + (K * (Lambda * e) ** 2).sum(axis=1)
+    total = cumulative_simpson(spent, x=result.times, initial=0.0)
+    np.testing.assert_allclose(V[0] - V, total, atol=1e-5 * V[0])
+
+
+def test_an_exact_model_tracks_to_the_tolerance_of_passivity() -> None:
+    chain = random_chain(5, 6, motors=True)
+    trajectory = smooth(chain, np.zeros(6), np.linspace(-2.0, 2.0, 6))
+    result = simulate(
+        Passivity(chain, np.array(5.0), np.array(10.0)),
+        trajectory,
+        SimulationOptions(saturate=False),
+    )
+    assert result.max_tracking_error.max() < 1e-7
+
+
+def test_k_commutes_with_lambda_where_it_couples_joints_of_equal_lambda() -> None:
+    K = np.array([[3.0, 1.0, 0.0], [1.0, 3.0, 0.0], [0.0, 0.0, 2.0]])
+    assert commute(np.array([2.0, 2.0, 5.0]), K)
+    assert not commute(np.array([2.0, 3.0, 5.0]), K)
+
+
+CHAIN = random_chain(0, 3)
+
+
+def test_one_number_serves_all_joints() -> None:
+    np.testing.assert_array_equal(gain_vector(CHAIN, "Kp", 4.0), [4.0, 4.0, 4.0])
+    np.testing.assert_array_equal(gain_matrix(CHAIN, "Kp", 4.0), 4.0 * np.eye(3))
+    np.testing.assert_array_equal(gain_matrix(CHAIN, "Kp", [1, 2, 3]), np.diag([1.0, 2.0, 3.0]))
+
+
+def test_a_positive_definite_matrix_is_kept() -> None:
+    K = np.array([[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
+    kept = gain_matrix(CHAIN, "K", K)
+    np.testing.assert_array_equal(kept, K)
+    assert not kept.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        ([1.0, 2.0], r"shape \(2,\).*3 joints"),
+        ([1.0, 0.0, 2.0], "0 at joint 'joint1'"),
+        (-1.0, "-1 at joint 'joint0'"),
+        (np.nan, "not finite"),
+        (["a", "b", "c"], "not an array of numbers"),
+        ([[1.0, 2.0], [3.0]], "not an array of numbers"),
+    ],
+)
+def test_wrong_gains_are_refused(value: ArrayLike, reason: str) -> None:
+    for check in (gain_vector, gain_matrix):
+        with pytest.raises(InvalidOption, match=reason):
+            check(CHAIN, "Kd", value)
+
+
+def test_wrong_matrices_are_refused() -> None:
+    with pytest.raises(InvalidOption, match="not symmetric"):
+        gain_matrix(CHAIN, "K", np.eye(3) + np.eye(3, k=1))
+    with pytest.raises(InvalidOption, match=r"not positive definite.*-1"):
+        gain_matrix(CHAIN, "K", np.diag([1.0, -1.0, 2.0]))
+    with pytest.raises(InvalidOption, match=r"shape \(3, 3\)"):
+        gain_vector(CHAIN, "Kp", np.eye(3))
