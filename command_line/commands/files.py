@@ -116,6 +116,12 @@ def export(
         float | None,
         typer.Option(help="Time between points [s]; 0.01, or the cycle of egm and rsi."),
     ] = None,
+    sample_count: Annotated[
+        int | None, typer.Option(help="Number of points, in place of a period.")
+    ] = None,
+    least_spacing: Annotated[
+        float | None, typer.Option(help="Least time between points [s].")
+    ] = None,
 ) -> None:
     """Write a motion for a robot controller, with a proof; exit with 1 where it is not proved."""
     if form == _RECORDING and request.output is None and not connection.as_json:
@@ -130,6 +136,8 @@ def export(
     body: dict[str, Any] = own | {
         "format": form,
         "sample_period": sample_period,
+        "sample_count": sample_count,
+        "least_spacing": least_spacing,
         "different_scene": around.different_scene,
     }
     content = ask(connection, EXPORT, robot, request._replace(output=None), body)

@@ -1,5 +1,6 @@
 """Options of an export: format, points, and what a program says."""
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -122,6 +123,10 @@ class ExportOptions:
         sample_period: Time between points; quintics have points where pieces of the motion meet as
             well, cubics where the acceleration jumps. A path is chosen among points this far
             apart [s]. None takes 0.01 s, or the cycle of the controller that a stream is for.
+        sample_count: Number of points of messages and tables, evenly spaced in time, in place of a
+            period; none are added where pieces meet.
+        least_spacing: Least time between points of messages and tables: points that are nearer to
+            the one before are left out, the ends never [s].
         interpolation: "quintic", "cubic" or "linear", for messages and tables. None takes
             "quintic" where the acceleration is continuous, "cubic" elsewhere.
         path_tolerance: Distance of the motion from the legs of a path at most [rad or m].
@@ -147,6 +152,8 @@ class ExportOptions:
     frame_id: str = ""
     ports: Mapping[str, int | str] = field(default_factory=dict)
     gripper: int | str | None = None
+    sample_count: int | None = None
+    least_spacing: float = 0.0
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
@@ -161,6 +168,7 @@ class ExportOptions:
             )
         if self.interpolation is not None:
             self._check_interpolation(self.interpolation)
+        self._check_spacing()
         for quantity in ("period", "path_tolerance", "speed"):
             if not getattr(self, quantity) > 0.0:
                 raise InvalidOption(f"{quantity}: must be positive")
@@ -172,6 +180,22 @@ class ExportOptions:
                 f"not each {self.period:g} s",
                 hint="Give one of these, or leave sample_period out.",
             )
+
+    def _check_spacing(self) -> None:
+        if self.sample_count is None and not self.least_spacing:
+            return
+        if not self.is_spline:
+            raise InvalidOption(
+                f"sample_count and least_spacing do not belong to the format {self.format.value!r}",
+                hint="Messages and tables have them.",
+            )
+        if self.sample_count is not None and (self.sample_period or self.sample_count < 2):
+            raise InvalidOption(
+                f"sample_count: {self.sample_count} points, and a period of {self.sample_period} s",
+                hint="Give 2 points or more, or a period.",
+            )
+        if not 0.0 <= self.least_spacing < math.inf:
+            raise InvalidOption(f"least_spacing: {self.least_spacing:g} s", hint="Give 0 or more.")
 
     @property
     def traits(self) -> FormatTraits:

@@ -49,6 +49,8 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
         InvalidOption: The period gives too many points.
     """
     period = options.period
+    if options.sample_count is not None:
+        period = trajectory.duration / (options.sample_count - 1)
     # Points of one file: at half a kilobyte each, fifty megabytes.
     max_points = 100_000
     if trajectory.duration / period > max_points:
@@ -63,8 +65,12 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
     if rule == Rule.STRAIGHT_LEGS:
         positions = trajectory.sample(times)
         times = times[fewest_waypoints(positions, options.path_tolerance, 2.0)[0]]
+    elif options.sample_count is not None:
+        times = np.linspace(0.0, trajectory.duration, options.sample_count)
     elif rule in (Rule.QUINTIC, Rule.CUBIC):
         times = _with_breaks(trajectory, times, period, rule)
+    if options.least_spacing:
+        times = _spaced(times, options.least_spacing)
     ticks = nanoseconds(times)
     if rule != Rule.STRAIGHT_LEGS:
         # Where the motion is at the times that the file names: beside a near point, half a
@@ -77,6 +83,16 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
     if options.traits.decimals is not None:
         rows = (np.deg2rad(np.round(np.rad2deg(rows[0]), options.traits.decimals)),)
     return ExportPoints(rule, ticks, rows)
+
+
+def _spaced(times: Array, least: float) -> Array:
+    """The first time, those at least so long after the one before and before the end, the last."""
+    kept = [float(times[0])]
+    for time in times[1:-1].tolist():
+        # Periods that are just as long count, whatever is rounded.
+        if min(time - kept[-1], float(times[-1]) - time) >= least * (1.0 - 1e-9):
+            kept.append(time)
+    return np.array([*kept, times[-1]])
 
 
 def _in_whole_cycles(trajectory: Trajectory, cycle: int) -> Trajectory:

@@ -24,7 +24,7 @@ from planning.values.limits import EffortLimits
 from service.fields import shared
 
 #: What holds where a request says nothing else, and what it may say of its answer alone.
-_USUAL, _NOT_OF_TIMING = TimingOptions(), frozenset({"sample_period"})
+_USUAL, _NOT_OF_TIMING = TimingOptions(), frozenset({"sample_period", "sample_count"})
 _QUANTITIES = ("velocity", "acceleration", "jerk", "effort")
 
 
@@ -38,10 +38,15 @@ def timing_options(timing: Timing, *, several: bool = False) -> TimingOptions:
     Raises:
         InvalidOption: Values that do not go together.
     """
-    if several and timing.duration is not None:
+    for name in ("duration", "sample_count"):
+        if several and getattr(timing, name) is not None:
+            raise InvalidOption(
+                f"timing.{name} belongs to one motion, and this request has several",
+                hint="Leave it out, or plan or retime the motion by itself.",
+            )
+    if timing.sample_count is not None and timing.sample_period is not None:
         raise InvalidOption(
-            "timing.duration belongs to one motion, and this request has several",
-            hint="Leave it out, or plan or retime the motion by itself.",
+            "both timing.sample_count and timing.sample_period are given", hint="Give one."
         )
     if timing.model_fields_set <= _NOT_OF_TIMING:
         return _USUAL

@@ -145,7 +145,7 @@ def _from_segments(
 
 
 def trajectory_answer(
-    timed: Trajectory, period: float | None, begins: float = 0.0
+    timed: Trajectory, period: float | None, begins: float = 0.0, count: int | None = None
 ) -> dict[str, Any]:
     """A trajectory as answers give it.
 
@@ -153,6 +153,7 @@ def trajectory_answer(
         timed: The trajectory.
         period: Period of samples [s]; none are answered where None.
         begins: Time at which the trajectory begins [s].
+        count: Number of samples, in place of a period.
 
     Raises:
         InvalidOption: The period would give too many samples.
@@ -167,6 +168,8 @@ def trajectory_answer(
         ],
         "samples": None,
     }
+    if count is not None:
+        period = timed.duration / (count - 1)
     if period is not None:
         answer["samples"] = _samples(timed, period, begins)
     return answer

@@ -303,3 +303,14 @@ def test_waypoints_are_passed_at_their_times(client: httpx.Client) -> None:
     refused = problem(client.post("/v1/retime", json=body), 422, "INVALID_MOTION_PLAN")
     assert refused["details"]["waypoints"] == [1, 2]
     assert 0.5 < refused["details"]["least_duration"] < 0.6
+
+
+def test_so_many_samples_are_answered(client: httpx.Client) -> None:
+    for count in (2, 7, 1000):
+        found = retimed(client, timing={"sample_count": count})["trajectory"]
+        times = found["samples"]["time"]
+        assert len(times) == count
+        np.testing.assert_allclose(np.diff(times), found["duration"] / (count - 1))
+    body = {"path": {"joints": JOINTS}, "limits": LIMITS}
+    both = body | {"timing": {"sample_count": 5, "sample_period": 0.1}}
+    assert "Give one" in client.post("/v1/retime", json=both).text

@@ -181,6 +181,8 @@ class ProgramOptions(TypedDict, total=False):
 
     Args:
         sample_period: Time between points [s].
+        sample_count: Number of points of messages and tables, in place of a period.
+        least_spacing: Least time between points of messages and tables [s].
         interpolation: Interpolation of messages and tables.
         path_tolerance: Distance of the motion from the legs of a path at most [rad].
         blend: How far from a point the flange may be where its corner is cut, at most [m].
@@ -194,6 +196,8 @@ class ProgramOptions(TypedDict, total=False):
     """
 
     sample_period: float
+    sample_count: int
+    least_spacing: float
     interpolation: Literal["quintic", "cubic", "linear"]
     path_tolerance: float
     blend: float

@@ -96,6 +96,16 @@ class ExportRequest(WithTool, WithFingers, BodyWithRules):
         "well, cubic where the acceleration jumps; those of a path are chosen among such points. "
         "Left out, 0.01 s, or the cycle of the controller: 0.004 s of egm, 0.012 s of rsi [s]",
     )
+    sample_count: Annotated[int, Field(ge=2, le=100_000)] | None = Field(
+        None,
+        description="of messages and tables, in place of a period: so many points, evenly spaced; "
+        "none are added where pieces meet",
+    )
+    least_spacing: NonNegative = Field(
+        0.0,
+        description="of messages and tables: points nearer in time to the one before, or to the "
+        "end, are left out; the interpolation between the others is proved [s]",
+    )
     interpolation: Literal["quintic", "cubic", "linear"] | None = Field(
         None,
         description="of messages and tables: by what each point gives. Left out, quintic where "

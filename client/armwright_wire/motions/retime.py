@@ -48,6 +48,7 @@ _STATE_TIMING = {
     "acceleration_scaling",
     "jerk_scaling",
     "sample_period",
+    "sample_count",
 }
 
 

@@ -66,6 +66,11 @@ class Timing(Body):
     sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = Field(
         None, description="samples are answered at this period [s], else none"
     )
+    sample_count: Annotated[int, Field(ge=2, le=MAX_TIMES)] | None = Field(
+        None,
+        description="so many samples are answered, evenly spaced, in place of a period. Of plan "
+        "and retime",
+    )
 
 
 class RuledLimits(Answer):

@@ -356,7 +356,9 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
         "planner": planned.planner,
         "stages": problems.stages_answer(planned.stages),
         "path": {"joints": planned.path.waypoints.tolist(), "length": planned.path.length},
-        "trajectory": trajectories.trajectory_answer(planned.trajectory, body.timing.sample_period),
+        "trajectory": trajectories.trajectory_answer(
+            planned.trajectory, body.timing.sample_period, count=body.timing.sample_count
+        ),
         "certificate": certificate,
         "reproducibility": reproducibility(
             body, cell.robot, cell.scene, deterministic=planned.deterministic

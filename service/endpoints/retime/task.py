@@ -46,7 +46,9 @@ def retime(robot: Reference | None, content: bytes) -> bytes:
     timed = with_path_stops(timed, body.stops, chain, limits)
     answer = timings.retimed_answer(
         timed,
-        trajectories.trajectory_answer(timed.trajectory, body.timing.sample_period, timed.begins),
+        trajectories.trajectory_answer(
+            timed.trajectory, body.timing.sample_period, timed.begins, body.timing.sample_count
+        ),
         certificates.certificate_answer(timed.certificate, timed.begins)
         | certificates.stops_answer(timed.stops, timed.begins),
     )

@@ -117,6 +117,39 @@ def test_the_interpolation_of_what_is_read_back_is_as_clear_as_proved(
         )
 
 
+@pytest.mark.parametrize("format_", [ExportFormat.CSV, ExportFormat.ROS2_CONTROL])
+def test_points_are_as_many_and_as_far_apart_as_asked(format_: ExportFormat) -> None:
+    rng = np.random.default_rng(1)
+    motion = planned_motion(Problem(UR, SCENE, START, (JointGoal(END),))).trajectory
+    for _ in range(8):
+        count = int(rng.integers(60, 300))
+        many = write(format_, motion, sample_period=None, sample_count=count)
+        times, rows = points_of(many, format_)
+        assert times is not None
+        assert len(rows[0]) == count
+        np.testing.assert_allclose(np.diff(times), motion.duration / (count - 1), atol=2e-9)
+        at = np.minimum(times, motion.duration)
+        np.testing.assert_allclose(rows[0], motion.sample(at), atol=1e-6)
+        least = float(rng.uniform(0.005, 0.05))
+        apart = write(format_, motion, sample_period=0.01, least_spacing=least)
+        times, rows = points_of(apart, format_)
+        assert times is not None
+        assert np.diff(times).min() >= least - 2e-9
+        assert np.diff(times).max() < 2.0 * least + 0.011
+        # What is between fewer points is judged, by the interpolation of the reader.
+        dense = interpolated(times, rows, 300)
+        assert apart.joint_deviation is not None
+        off = np.abs(dense - motion.sample(np.linspace(0.0, motion.duration, 300))).max(axis=0)
+        assert (off <= apart.joint_deviation + 1e-6).all()
+    for wrong in ({"sample_count": 9, "sample_period": 0.1}, {"sample_count": 1},
+                  {"least_spacing": np.nan}, {"least_spacing": -1.0}):  # fmt: skip
+        with pytest.raises(InvalidOption):
+            write(format_, motion, **{"sample_period": None} | wrong)
+    for other in (ExportFormat.RAPID, ExportFormat.EGM):
+        with pytest.raises(InvalidOption, match="do not belong"):
+            write(other, sample_period=None, sample_count=9)
+
+
 @pytest.mark.parametrize("format_", sorted(PATH_FORMATS))
 def test_a_path_stays_within_its_tolerance(format_: ExportFormat) -> None:
     made = write(format_, path_tolerance=0.01)

@@ -230,7 +230,7 @@ TIMING: dict[str, Any] = {
     "method": "spline", "solver": "toppra", "velocity_scaling": 0.5, "acceleration_scaling": 0.4,
     "jerk_scaling": 0.3, "times": [0.0, 1.0], "scale_times": True, "interpolation": "linear",
     "blend_tolerance": 0.01, "torque_limits": True, "payload": PAYLOAD, "tool_speed": 0.5,
-    "sample_period": 0.01, "duration": 2.0, "at_least": True,
+    "sample_period": 0.01, "sample_count": 5, "duration": 2.0, "at_least": True,
 }  # fmt: skip
 LIMITS = {name: [1.0, 2.0] for name in ("velocity", "acceleration", "jerk", "effort")}
 FRAME = {"frame": "tool"}
@@ -392,6 +392,7 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "reference_velocities": [0.1, 0.2]}),
     (ExportRequest, ABOUT | {"robot": "panda", "trajectory": SEGMENTS, "scene": "table",
                              "frame": "base", "format": "csv", "sample_period": 0.01,
+                             "sample_count": 9, "least_spacing": 0.02,
                              "interpolation": "cubic", "path_tolerance": 0.01, "blend": 0.1,
                              "speed": 0.5, "name": "moves", "frame_id": "world", "margin": 0.01,
                              "fingers": {"finger": 0.01}, "premises": PREMISES,
@@ -460,7 +461,7 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "limits_at": [{"from": 0, "to": 0.1, "by": "length", "velocity": [0.1, 0.2],
                        "acceleration": [1.0, 2.0], "tool_speed": 0.1}],
         "timing": TIMING | {"start_velocity": [0.1, 0.2], "end_velocity": [0.1, 0.2],
-                            "velocities": [[0.1, 0.2], None]}}),
+                            "velocities": [[0.1, 0.2], [0.0, 0.0]]}}),
     (FitRequest, {"samples": {name: [[0.1], [0.2]] for name in ("position", "velocity",
                                                                 "acceleration")}
                   | {"time": [0.0, 1.0]}, "joint_names": ["a"], "robot": "panda", "rest": True,
