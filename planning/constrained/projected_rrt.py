@@ -40,6 +40,9 @@ from planning.values.search_trees import Explored
 #: Extensions after which a pair of trees is given up for a fresh one: most pairs that meet do so
 #: within these, and those that do not take many times as many.
 _FIRST_BUDGET = 60
+#: A path that is longer than its straight line by this factor wanders; and how many others are
+#: searched for then.
+_WANDERING, _OTHER_PATHS = 1.3, 6
 #: Name of the planner, for what it explored.
 _NAME = "rrt_connect"
 
@@ -254,6 +257,44 @@ def _new_goal(
     return goal
 
 
+def shortest_along(manifold: Manifold, waypoints: Array, seed: int, deadline: Deadline) -> Array:
+    """Shorten a path (k, n) of proved legs, and where it wanders, other paths between its ends.
+
+    Cuts keep to the way around obstacles and along the set that the search happened upon.
+    """
+    best = _shortened(manifold, waypoints, seed, deadline)
+    straight = _length(best[[0, -1]])
+    for k in range(1, _OTHER_PATHS + 1):
+        if _length(best) <= _WANDERING * straight or deadline.passed:
+            break
+        # Seeds of neighbouring requests are next to each other.
+        other, _ = projected_rrt(
+            manifold,
+            best[0],
+            [best[-1]],
+            seed + 104_729 * k,
+            deadline,
+            max_extensions=2 * _FIRST_BUDGET,
+        )
+        if other is not None:
+            other = _shortened(manifold, other, seed, deadline)
+            best = min(best, other, key=_length)
+    return best
+
+
+def _shortened(manifold: Manifold, waypoints: Array, seed: int, deadline: Deadline) -> Array:
+    short = shortcut_along(manifold, waypoints, seed, deadline)
+    # A tenth longer than the straight line: there is little to gain.
+    if _length(short) < 1.1 * _length(short[[0, -1]]):
+        return short
+    return shortcut_along(manifold, tightened(manifold, short, deadline), seed, deadline)
+
+
+def _length(points: Array) -> float:
+    """Length of the polyline through points (k, n)."""
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
 def shortcut_along(manifold: Manifold, waypoints: Array, seed: int, deadline: Deadline) -> Array:
     """Shorten a path (k, n) of proved legs by straight cuts and by extensions.
 
@@ -270,6 +311,30 @@ def shortcut_along(manifold: Manifold, waypoints: Array, seed: int, deadline: De
         cut = _cut(manifold, points, random)
         idle = idle + 1 if cut is None else 0
         points = points if cut is None else cut
+    return np.array(points)
+
+
+def tightened(manifold: Manifold, waypoints: Array, deadline: Deadline) -> Array:
+    """Pull a path (k, n) of proved legs tight: each corner towards the middle of its neighbours.
+
+    The legs of what comes back are proved too.
+    """
+    points = list(waypoints)
+    # Rounds at most; one that gains less than a hundredth of the length is the last.
+    for _ in range(20):
+        before = _length(np.array(points))
+        for i in range(1, len(points) - 1):
+            a, b = points[i - 1], points[i + 1]
+            for share in (1.0, 0.3):
+                q = manifold.project(points[i] + share * (0.5 * (a + b) - points[i]))
+                if q is None or deadline.passed:
+                    continue
+                shorter = _length(np.array([a, q, b])) < _length(np.array([a, points[i], b]))
+                if shorter and manifold.checker.free(a, q) and manifold.checker.free(q, b):
+                    points[i] = q
+                    break
+        if _length(np.array(points)) > 0.99 * before:
+            break
     return np.array(points)
 
 

@@ -20,7 +20,7 @@ from planning.clearance.moving_away import join_ends, keep_clear, retreat
 from planning.clearance.time_shortcut import MAX_WAYPOINTS, quicken
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.path_constraints import Relaxation, find_relaxation
-from planning.constrained.projected_rrt import Manifold, shortcut_along
+from planning.constrained.projected_rrt import Manifold, shortest_along
 from planning.options import Options
 from planning.pipeline.diagnosis import Diagnosis, diagnose
 from planning.pipeline.planners import CASCADE
@@ -349,7 +349,7 @@ class PathSearch:
     def _shortcut(self, found: FoundPath) -> Array:
         checker, waypoints = found.checker, found.waypoints
         if isinstance(checker, ConstrainedChecker):
-            return shortcut_along(Manifold(checker), waypoints, self.options.seed, self.deadline)
+            return shortest_along(Manifold(checker), waypoints, self.options.seed, self.deadline)
         proved, proof = found.attempt.proved, found.levels[-1] if found.attempt.proved else None
 
         def shortened(*, cuts: bool) -> Array:
