@@ -22,7 +22,7 @@ from kinematics.arrays import Array
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.model.chain import Chain
 from kinematics.symbolic import symbolic_jacobian
-from planning.constrained.checker import ConstrainedChecker
+from planning.constrained.checker import ConstrainedChecker, narrow_rows
 from planning.constraints.row import Column
 from planning.optimize.iterate import Iterate
 from planning.optimize.rows import Rows, local_matrix
@@ -110,6 +110,9 @@ RESIDUAL = 0.01
 SHARE = 0.1
 #: Loads aimed at are lower by this share than what is allowed.
 _HEADROOM = 5e-3
+#: Residuals aimed at are lower than what is allowed by this, and by a tenth of half a row's width
+#: at most [m or rad].
+_AIM = 2e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -309,7 +312,10 @@ def _constraints(task: Task, iterate: Iterate, places: Checkpoints) -> Lineariza
     m = residuals.shape[1]
     slope = J.reshape(-1, samples.shape[1])
     A = local_matrix(iterate, np.repeat(places.at, m), [slope], in_slack=-RESIDUAL)
-    upper = (slope * np.repeat(samples, m, axis=0)).sum(axis=1) - residuals.ravel()
+    # Where a linear model aims at a bound, the motion ends a little beyond it.
+    rows = task.constraints.packed
+    aim = rows[:, Column.UPPER] - narrow_rows(task.constraints, 0.1, _AIM)[:, Column.UPPER]
+    upper = (slope * np.repeat(samples, m, axis=0)).sum(axis=1) - (residuals + aim).ravel()
     worst = int(np.argmax(residuals))
     over = max(float(residuals.ravel()[worst]), 0.0)
     message = f"{task.constraints.label(worst % m)} is violated by {over:.4g}"
