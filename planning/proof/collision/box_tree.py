@@ -36,26 +36,6 @@ def refuse_broken(found: int) -> None:
         raise BrokenTree("a node of a tree of boxes hangs below none or several")
 
 
-def leaf_boxes(nodes: Array, items: Indices, low: Array, high: Array) -> Array:
-    """Boxes of the solids in each leaf of a tree over boxes.
-
-    Args:
-        nodes: Shape (t, 10), columns as in ``obstacles.distance.bvh``.
-        items: Numbers of the solids, by leaf, shape (m,).
-        low: Lowest corners of the solids' boxes, shape (m, 3) [m].
-        high: Highest corners, shape (m, 3) [m].
-
-    Returns:
-        Lowest and highest corners, shape (t, 6); inf and -inf of nodes that are no leaves.
-
-    Raises:
-        BrokenTree: Some solid is in no leaf, or in several.
-    """
-    boxes, seen = np.empty((len(nodes), 6)), np.zeros(len(low), dtype=np.int64)
-    refuse_broken(leaf_boxes_kernel(nodes, items, low, high, seen, boxes))
-    return boxes
-
-
 @kernel(allocates=False, unlocks=False)
 def leaf_boxes_kernel(
     nodes: Array, items: Indices, low: Array, high: Array, seen: Indices, boxes: Array

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
@@ -15,7 +15,12 @@ from obstacles.distance.bvh import BOX, FIRST, SKIP, Tree, tree
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box
 from planning.proof.collision import elements, link_boxes, pair_table
-from planning.proof.collision.box_tree import BrokenTree, check_nodes, leaf_boxes
+from planning.proof.collision.box_tree import (
+    BrokenTree,
+    check_nodes,
+    leaf_boxes_kernel,
+    refuse_broken,
+)
 from planning.proof.collision.collision_proof import CollisionProof
 from planning.proof.collision.elements import HOLDER, Elements, boxes_over, join, solids
 from planning.proof.collision.joined_pieces import join_pieces, join_primitives
@@ -29,6 +34,13 @@ from tests.planning.scenes import builtin
 
 SIGNS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 SCENES = [*map(mixed, range(3)), *map(scattered, range(2)), random_scene(5, 12), random_scene(6, 1)]
+
+
+def leaf_boxes(nodes: Array, items: Indices, low: Array, high: Array) -> Array:
+    """Boxes (t, 6) of the solids in each leaf; inf and -inf of nodes that are no leaves."""
+    boxes, seen = np.empty((len(nodes), 6)), np.zeros(len(low), dtype=np.int64)
+    refuse_broken(leaf_boxes_kernel(nodes, items, low, high, seen, boxes))
+    return boxes
 
 
 def reach(arrays: PieceArrays, k: int) -> Array:

@@ -270,7 +270,7 @@ def _line_case(
 ) -> Case:
     """Panda's tool led straight by a shift in the base frame, with its orientation kept."""
     arm, robot = _arm("panda"), builtin("panda")
-    T = arm.tool(start)
+    T = arm.moving.pose(start)
     T_end = T.copy()
     T_end[:3, 3] += shift
     how = CartesianOptions(max_deviation=1e-5, max_orientation_deviation=1e-3)

@@ -9,6 +9,7 @@ import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -21,6 +22,7 @@ from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.scenes.scene import Scene
 from obstacles.shapes.shape import Box, Cylinder, Shape
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.proof.sabotage.box_gaps import box_gaps
 
 #: Instants at which a motion is looked at.
@@ -106,26 +108,16 @@ class Arm:
     meshes: Mapping[str, tuple[Array, Any]] = field(default_factory=dict)
 
     @cached_property
-    def model(self) -> Any:
-        """Pinocchio's model."""
-        return pin.buildModelFromXML(self.urdf)
-
-    @cached_property
-    def data(self) -> Any:
-        """Pinocchio's workspace."""
-        return self.model.createData()
-
-    @cached_property
-    def frame(self) -> int:
-        """Number of the tool's frame."""
-        return int(self.model.getFrameId(self.tip))
-
-    @cached_property
-    def places(self) -> tuple[list[int], list[int]]:
-        """Where the joints of a motion stand in pinocchio's configurations and velocities."""
-        joints = [self.model.joints[self.model.getJointId(name)] for name in self.joints]
-        assert all(joint.nq == joint.nv == 1 for joint in joints)
-        return [joint.idx_q for joint in joints], [joint.idx_v for joint in joints]
+    def moving(self) -> PinocchioArm:
+        """The arm as pinocchio moves it, seen from the root of its tree."""
+        elements = list(ElementTree.fromstring(self.urdf))
+        children = {e.attrib["link"] for joint in elements for e in joint.iter("child")}
+        links = [e.attrib["name"] for e in elements if e.tag == "link"]
+        (root,) = set(links) - children
+        named: Any = SimpleNamespace(
+            n=len(self.joints), joint_names=self.joints, tip_link=self.tip, root_link=root
+        )
+        return PinocchioArm(urdf=self.urdf, chain=named)
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
@@ -142,42 +134,14 @@ class Arm:
     @cached_property
     def self_pairs(self) -> tuple[tuple[int, int], ...]:
         """Numbers of the bodies that must stay apart from each other."""
-        carriers = [
-            self.model.frames[self.model.getFrameId(b.link)].parentJoint for b in self.bodies
-        ]
+        model = self.moving.model
+        carriers = [model.frames[model.getFrameId(b.link)].parentJoint for b in self.bodies]
         return tuple(
             (i, j)
             for i, j in itertools.combinations(range(len(self.bodies)), 2)
             if carriers[i] != carriers[j]
             and tuple(sorted((self.bodies[i].link, self.bodies[j].link))) not in self.allowed
         )
-
-    def full(self, values: Array, which: int) -> Array:
-        """A configuration (which 0) or velocity (1) of all of pinocchio's joints."""
-        answer = pin.neutral(self.model) if which == 0 else np.zeros(self.model.nv)
-        answer[self.places[which]] = values
-        return np.asarray(answer)
-
-    def tool(self, q: Array) -> Array:
-        """Pose of the tool, shape (4, 4)."""
-        pin.framesForwardKinematics(self.model, self.data, self.full(q, 0))
-        return np.array(self.data.oMf[self.frame].homogeneous)
-
-    def tool_speed(self, q: Array, velocity: Array) -> float:
-        """Speed of the tool's origin [m/s]."""
-        pin.forwardKinematics(self.model, self.data, self.full(q, 0), self.full(velocity, 1))
-        twist = pin.getFrameVelocity(
-            self.model, self.data, self.frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )
-        return float(np.linalg.norm(twist.linear))
-
-    def torque(self, q: Array, velocity: Array, acceleration: Array) -> Array:
-        """Torques, shape (n,) [N m or N]."""
-        tau = pin.rnea(
-            self.model, self.data, self.full(q, 0), self.full(velocity, 1),
-            self.full(acceleration, 1),
-        )  # fmt: skip
-        return np.asarray(tau[self.places[1]])
 
     def _solid(self, element: ElementTree.Element) -> tuple[Any, Array, Array]:
         size = element.attrib
@@ -197,7 +161,8 @@ class Look:
 
     def __init__(self, arm: Arm, scene: Scene) -> None:
         self._arm = arm
-        frames = [arm.model.getFrameId(body.link) for body in arm.bodies]
+        model = arm.moving.model
+        frames = [model.getFrameId(body.link) for body in arm.bodies]
         self._frames, self._carriers = np.unique(frames, return_inverse=True)
         solids = [(body.solid, body.lower, body.upper) for body in arm.bodies]
         solids += [_shape(obstacle.shape) for obstacle in scene.obstacles]
@@ -210,7 +175,7 @@ class Look:
         for k, T in enumerate(self._still_poses, len(arm.bodies)):
             self._things[k].setTransform(fcl.Transform(T[:3, :3], T[:3, 3]))
         # What stands still with the base can't be moved away from obstacles.
-        still = [arm.model.frames[frame].parentJoint == 0 for frame in frames]
+        still = [model.frames[frame].parentJoint == 0 for frame in frames]
         around = [
             (i, k)
             for i in range(len(arm.bodies))
@@ -243,9 +208,9 @@ class Look:
 
     def _poses(self, configurations: Array) -> Array:
         """Poses of all solids, shape (m, k, 4, 4)."""
-        arm, links = self._arm, []
+        arm, links = self._arm.moving, []
         for q in configurations:
-            pin.framesForwardKinematics(arm.model, arm.data, arm.full(q, 0))
+            pin.framesForwardKinematics(arm.model, arm.data, arm.configuration(q))
             links.append([arm.data.oMf[int(frame)].homogeneous for frame in self._frames])
         own = np.array(links)[:, self._carriers] @ self._own_poses
         still = np.broadcast_to(self._still_poses, (len(own), *self._still_poses.shape))
@@ -297,14 +262,14 @@ def faults(arm: Arm, motion: Trajectory, truth: Truth) -> dict[str, str]:
     note("position", _outside(arm, q))
     if truth.effort is not None:
         rows = zip(q, velocity, acceleration, strict=True)
-        worst = max(float((np.abs(arm.torque(*row)) / truth.effort).max()) for row in rows)
+        worst = max(float((np.abs(arm.moving.torque(*row)) / truth.effort).max()) for row in rows)
         note("torque", _ratio(worst))
     if truth.tool_speed is not None:
-        rates = (arm.tool_speed(*row) for row in zip(q, velocity, strict=True))
-        note("tool_speed", _ratio(max(rates) / truth.tool_speed))
+        fastest = arm.moving.tip_speeds_at(q, velocity).max()
+        note("tool_speed", _ratio(float(fastest) / truth.tool_speed))
     for kind, residual in (("constraint", truth.residual), ("deviation", truth.deviation)):
         if residual is not None:
-            worst = max(residual(arm.tool(row)) for row in q)
+            worst = max(residual(arm.moving.pose(row)) for row in q)
             note(kind, f"off by {worst:.3g}" if worst > RESIDUAL_TOLERANCE else None)
     note("start", _off_start(q[0], truth.start))
     note("jump", _jump(motion))
@@ -329,8 +294,9 @@ def _ratio(worst: float) -> str | None:
 
 
 def _outside(arm: Arm, q: Array) -> str | None:
-    places = arm.places[0]
-    lower, upper = arm.model.lowerPositionLimit[places], arm.model.upperPositionLimit[places]
+    model = arm.moving.model
+    places = [model.joints[model.getJointId(name)].idx_q for name in arm.joints]
+    lower, upper = model.lowerPositionLimit[places], model.upperPositionLimit[places]
     worst = float(np.maximum(lower - q, q - upper).max())
     return f"{worst:.3g} beyond" if worst > END_TOLERANCE else None
 
