@@ -32,8 +32,10 @@ def read_recording(
     Raises:
         InvalidOption: The file is malformed or holds no such motion, or several.
     """
-    joints = chain_of(robot).joint_names
+    chain = chain_of(robot)
+    limits = chain.limits.lower.tolist(), chain.limits.upper.tolist()
+    among = {"topic": topic, "prefix": prefix, "tip": tip}
     try:
-        return read_file(path, joints, topic=topic, prefix=prefix, span=span, tip=tip)
+        return read_file(path, chain.joint_names, span=span, limits=limits, **among)
     except ValueError as error:
         raise InvalidOption(str(error)) from None

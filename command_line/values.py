@@ -1,7 +1,8 @@
 """Values of options: configurations, poses, goals, scenes and motions."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -156,13 +157,13 @@ def cell(given: Cell) -> dict[str, Any]:
 
 
 def recording(
-    path: Path, joints: Sequence[str], which: Recorded, tip: str | None = None
+    path: Path, robot: Mapping[str, Any], which: Recorded, tip: str | None = None
 ) -> Recording:
     """The recorded motion of a file.
 
     Args:
         path: CSV, JSON, YAML, MCAP file or rosbag.
-        joints: Names of the robot's joints.
+        robot: The robot, as the API answers it.
         which: Motion of several that is meant.
         tip: Topic of measurements of the tip.
 
@@ -175,8 +176,13 @@ def recording(
         if len(ends) != 2:
             raise invalid_value("--span", f"{which.span!r} are no two numbers", "Give 2.5,18.")
         span = (ends[0], ends[1])
+    lower, upper = (
+        [sign * inf if limit is None else limit for limit in robot["limits"][side]]
+        for side, sign in (("lower", -1.0), ("upper", 1.0))
+    )
     among = {"topic": which.topic, "prefix": which.prefix, "tip": tip}
-    return described(read_recording, path, joints, **among, span=span)
+    names = robot["joint_names"]
+    return described(read_recording, path, names, **among, span=span, limits=(lower, upper))
 
 
 def motion(path: Path) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Commands that learn from recordings: ``identify``, ``excite``, ``calibrate`` and ``fit``."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -47,10 +48,9 @@ class Measurements(NamedTuple):
     link: Link = None
 
 
-def _joints(connection: Connection, robot: RobotSource) -> list[str]:
+def _model(connection: Connection, robot: RobotSource) -> Mapping[str, Any]:
     with connect(connection) as backend:
-        names: list[str] = backend.robot_model(backend.robot_name(robot))["joint_names"]
-    return names
+        return backend.robot_model(backend.robot_name(robot))
 
 
 @command
@@ -66,13 +66,13 @@ def identify(
     sought: Sought,
 ) -> None:
     """Find inertias and frictions of a robot, or its load, from logs."""
-    joints, notes = _joints(connection, robot), list[str]()
+    model, notes = _model(connection, robot), list[str]()
     gains = None if sought.gains is None else values.read_value("--gains", sought.gains)
     bodies: list[dict[str, Any]] = []
     for path in logs:
         document = read_json(path) if path.suffix == ".json" else {}
         if "positions" not in document:
-            found = values.recording(path, joints, recorded)
+            found = values.recording(path, model, recorded)
             notes += found.notes
             document = described(found.log, gains)
         bodies.append(document)
@@ -111,8 +111,7 @@ def excite(
     evaluations: Annotated[int | None, typer.Option(help="Motions that are tried.")] = None,
 ) -> None:
     """Find a proved motion from whose logs a robot is identified well."""
-    with connect(connection) as backend:
-        states = backend.robot_model(backend.robot_name(robot))["states"]
+    states = _model(connection, robot)["states"]
     body = values.cell(cell) | {
         "start": None if start is None else values.configuration("--start", start, states),
         "period": period,
@@ -141,7 +140,7 @@ def calibrate(
     measured: Measurements,
 ) -> None:
     """Find the frames of a robot's joints as they were made, from measurements of its tip."""
-    found = values.recording(record, _joints(connection, robot), recorded, measured.tip)
+    found = values.recording(record, _model(connection, robot), recorded, measured.tip)
     body: dict[str, Any] = values.mounted(mounted) | {
         "joints": found.positions,
         **found.tip,
@@ -177,7 +176,7 @@ def fit(
     rest: Annotated[bool, typer.Option(help="Begin and end without velocity.")] = False,
 ) -> None:
     """Fit few polynomials to a recorded motion, and prove them."""
-    found = values.recording(record, _joints(connection, robot), recorded)
+    found = values.recording(record, _model(connection, robot), recorded)
     samples = {"time": found.times, "position": found.positions}
     body: dict[str, Any] = values.mounted(mounted) | {
         "samples": samples,

@@ -261,8 +261,8 @@ def retime(
     notes: Sequence[str] = ()
     if "joints" not in waypoints:
         with connect(connection) as backend:
-            joints = backend.robot_model(backend.robot_name(robot))["joint_names"]
-        found = values.recording(path, joints, recorded)
+            model = backend.robot_model(backend.robot_name(robot))
+        found = values.recording(path, model, recorded)
         waypoints, notes = {"joints": found.positions}, found.notes
     if timed.tolerance is not None:
         waypoints = waypoints | {"tolerance": timed.tolerance}

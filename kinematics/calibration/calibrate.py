@@ -143,12 +143,13 @@ def calibrate(
             hint="Measure at more configurations.",
         )
     largest = float(np.abs((x - start.ravel()) / spread.ravel()).max())
-    if largest > _MOST:
+    unexplained = measured.noise is None and after[0] > _MOST * tolerance[0]
+    if largest > _MOST or unexplained:
         raise InvalidOption(
-            f"corrections of {largest:.3g} times the tolerance would be needed: {before:.3g} m are "
-            "between the measurements and this arm",
-            hint="Look at units, the order of joints, the link and the frame that are measured; or "
-            "give a larger tolerance.",
+            f"{before:.3g} m are between the measurements and this arm, {after[0]:.3g} m after "
+            f"corrections of up to {largest:.3g} times the tolerance",
+            hint="Look at units, the order of joints, the link and the frame measured, and "
+            'whether "frame" or "tip" is unknown; or give a larger tolerance, or the noise.',
         )
     # Rows are in units of noise, which exact measurements have nearly none of.
     size = spread.ravel()

@@ -221,6 +221,14 @@ def test_tables_that_can_not_be_understood_are_refused(
         read_recording(csv(tmp_path, header, *columns), ["a"])
 
 
+def test_positions_in_other_units_are_refused_by_the_limits(tmp_path: Path) -> None:
+    path = csv(tmp_path, "time,position.a,position.b", TIMES, np.degrees(Q[:, :2]))
+    free = [-np.inf, -2.0], [np.inf, 2.0]
+    assert len(read_recording(path, ["a"], limits=([-np.inf], [np.inf])).positions) == 50
+    with pytest.raises(InvalidArgument, match=r"positions of b .* beyond its limits -2 and 2"):
+        read_recording(path, ["a", "b"], limits=free)
+
+
 def test_other_joints_are_refused_and_those_there_are_named(tmp_path: Path) -> None:
     path = bag2(tmp_path / "bag", {"/joint_states": states()})
     with pytest.raises(InvalidArgument, match=r"no positions of x, y; .*/joint_states gripper, c"):

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from dynamics.inverse import inverse_dynamics
 from dynamics.model.payload import with_payload
@@ -94,6 +95,18 @@ def test_a_rosbag_is_read_by_all_commands_that_take_recordings(run: Run, tmp_pat
     other = run("identify", "ur5e", path)
     assert other.code == 3
     assert other.err.splitlines()[1].startswith(f"{path}: there are no positions of shoulder_pan")
+
+
+@pytest.mark.parametrize("words", ["identify", "fit --tolerance 1", "retime", "calibrate"])
+def test_degrees_that_are_not_called_so_are_refused(run: Run, tmp_path: Path, words: str) -> None:
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.full((60, 3), 57.0) + np.arange(60)[:, None], delimiter=",", comments="",
+               header="time,position.joint_1,position.joint_2")  # fmt: skip
+    command, *options = words.split()
+    refused = run(command, "planar_rr", str(path), *options)
+    assert refused.code == 3
+    assert "positions of joint_1 are between 57 and 116, far beyond" in refused.err
+    assert "position.JOINT [deg]" in refused.err
 
 
 def test_a_motion_is_found_to_identify_an_arm_by(run: Run, tmp_path: Path) -> None:

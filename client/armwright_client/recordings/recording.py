@@ -76,6 +76,7 @@ def read_recording(
     prefix: str | None = None,
     span: tuple[float, float] | None = None,
     tip: str | None = None,
+    limits: tuple[Sequence[float], Sequence[float]] | None = None,
 ) -> Recording:
     """Read a recorded motion, its columns in the order of a robot's joints.
 
@@ -87,6 +88,8 @@ def read_recording(
         span: First and last instant that are taken, after the first of the file [s].
         tip: Topic of measurements of the tip, at whose instants joints are taken; a table has them
             as columns.
+        limits: Least and largest positions of the joints [rad or m]; what is far beyond them is in
+            other units, and refused.
 
     Raises:
         InvalidArgument: The file is malformed or holds no such motion, or several.
@@ -108,6 +111,15 @@ def read_recording(
     found = {kind: _column(path, rows, columns, kind, notes) for kind in ("positions", *_OPTIONAL)}
     positions = found.pop("positions")
     assert positions is not None
+    for name, low, high, column in zip(
+        names, *(limits or ((), ())), zip(*positions, strict=True), strict=False
+    ):
+        if max(low - min(column), max(column) - high) > high - low:
+            raise InvalidArgument(
+                f"{path}: positions of {name} are between {min(column):.4g} and {max(column):.4g}, "
+                f"far beyond its limits {low:.4g} and {high:.4g}",
+                hint="State the units: position.JOINT [deg], for example.",
+            )
     times = None if stamps is None else [stamp - stamps[0] for stamp in stamps]
     measured = _tip(rows)
     if tip is not None:

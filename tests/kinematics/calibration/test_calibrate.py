@@ -156,6 +156,20 @@ def test_odd_measurements_are_refused() -> None:
             calibrate(chain, rows, given)
 
 
+@pytest.mark.parametrize("offset", [0.05, 50.0])
+def test_measurements_that_no_corrections_explain_are_refused(offset: float) -> None:
+    chain, rng = builtin_chain("ur5e"), np.random.default_rng(0)
+    q = configurations(chain, rng, 40)
+    T = forward(chain, q)
+    away = T[:, :3, 3] + offset * T[:, :3, 0]  # the place of the marker is not told
+    with pytest.raises(InvalidOption, match='whether "frame" or "tip" is unknown'):
+        calibrate(chain, q, Measured(points=away))
+    noisy = T[:, :3, 3] + 0.05 * rng.standard_normal((40, 3))
+    with pytest.raises(InvalidOption, match="or the noise"):
+        calibrate(chain, q, Measured(points=noisy))
+    assert calibrate(chain, q, Measured(points=noisy, noise=(0.05, 1.0))).after < 0.06
+
+
 @pytest.mark.parametrize("unknown", [(), ("frame",), ("tip",), ("frame", "tip")])
 @pytest.mark.parametrize("kind", ["poses", "points"])
 def test_exact_measurements_leave_errors_of_what_they_do_not_determine(
