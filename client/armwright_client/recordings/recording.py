@@ -3,7 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import isfinite
 from pathlib import Path
 from statistics import median
@@ -99,7 +99,7 @@ def read_recording(
     rows = [row for row in topics[name] if set(columns) <= set(row.names)]
     if left := sum(bool(row.names) for row in topics[name]) - len(rows):
         notes.append(f"{left} messages of other joints are left out")
-    rows, stamps = _in_order(path, rows, notes)
+    rows, stamps = _in_order(path, rows, columns, notes)
     if span is not None:
         if stamps is None or not span[0] < span[1]:
             raise InvalidArgument(f"{path}: a span of {span} s needs ascending times")
@@ -138,28 +138,24 @@ def _chosen(
     prefix: str | None,
 ) -> tuple[str, tuple[str, ...], tuple[str, ...], list[str]]:
     """Topic, joints, their names in it, and notes."""
-    names_in = {
-        name: dict.fromkeys(row.names for row in rows if row.names) for name, rows in topics.items()
-    }
-    names_in = {name: groups for name, groups in names_in.items() if groups}
-    if topic is not None:
-        names_in = {name: groups for name, groups in names_in.items() if name == topic}
+    groups = dict.fromkeys(
+        (name, row.names) for name, rows in topics.items() for row in rows
+        if row.names and topic in (None, name)
+    )  # fmt: skip
     wanted = tuple(joints or ())
     fits = {
-        (name, found): group
-        for name, groups in names_in.items()
-        for group in groups
+        (name, found if wanted else f"{group[0]} ..."): group
+        for name, group in groups
         for found in ([""] if not wanted else _prefixes(group, wanted, prefix))
     }
     if len(fits) > 1:
         several = (f"topic {name!r} with prefix {found!r}" for name, found in fits)
         raise InvalidArgument(
             f"{path} holds several such motions: {'; '.join(several)}",
-            hint="Give topic or prefix.",
+            hint="Give topic, prefix or the names of the joints.",
         )
     if not fits:
-        there = [f"{name} {', '.join(group[:_SHOWN])}".strip()
-                 for name, groups in names_in.items() for group in groups]  # fmt: skip
+        there = [f"{name} {', '.join(group[:_SHOWN])}".strip() for name, group in groups]
         raise InvalidArgument(
             f"{path}: there are no positions of {', '.join(wanted) or 'joints'}; there are those "
             f"of {'; '.join(there[:_SHOWN]) or 'none'}",
@@ -187,7 +183,7 @@ def _prefixes(group: Sequence[str], joints: Sequence[str], prefix: str | None) -
 
 
 def _in_order(
-    path: Path | str, rows: list[Row], notes: list[str]
+    path: Path | str, rows: list[Row], names: Sequence[str], notes: list[str]
 ) -> tuple[list[Row], list[float] | None]:
     """Rows by ascending stamps, and these; without stamps as they are, and None."""
     stamps = [row.stamp for row in rows]
@@ -200,23 +196,22 @@ def _in_order(
     if len(given) < len(rows):
         raise InvalidArgument(f"{path}: {len(rows) - len(given)} of {len(rows)} rows have no time")
     usual = median([abs(b - a) for a, b in pairwise(given)] or [0.0])
-    last, late, most = given[0], 0, 0.0
-    for number, stamp in enumerate(given):
-        if last - stamp > _LATE * usual:
-            raise InvalidArgument(
-                f"{path}: at row {number + 1} times go back by {last - stamp:.3g} s",
-                hint="The clock was set, or two motions stand in one file: part them.",
-            )
-        late, most = late + (stamp < last), max(most, last - stamp)
-        last = max(last, stamp)
+    highest = enumerate(accumulate(given, max))
+    late = [(top - given[i], i + 1) for i, top in highest if given[i] < top]
+    most, number = max(late, default=(0.0, 0))
+    if most > _LATE * usual:
+        raise InvalidArgument(
+            f"{path}: at row {number} times go back by {most:.3g} s",
+            hint="The clock was set, or two motions stand in one file: part them.",
+        )
     if late:
-        notes.append(f"{late} rows came late, by {most:.3g} s at most: they are sorted")
+        notes.append(f"{len(late)} rows came late, by {most:.3g} s at most: they are sorted")
     order = sorted(range(len(rows)), key=given.__getitem__)
     kept: list[int] = []
     for i in order:
         if not kept or given[i] > given[kept[-1]]:
             kept.append(i)
-        elif rows[i].values.get("positions") != rows[kept[-1]].values.get("positions"):
+        elif _positions(rows[i], names) != _positions(rows[kept[-1]], names):
             raise InvalidArgument(
                 f"{path}: rows {kept[-1] + 1} and {i + 1} have the time {given[i]:.9g} s and "
                 "other positions",
@@ -225,6 +220,11 @@ def _in_order(
     if len(kept) < len(rows):
         notes.append(f"{len(rows) - len(kept)} rows stand twice: they are left out")
     return [rows[i] for i in kept], [given[i] for i in kept]
+
+
+def _positions(row: Row, names: Sequence[str]) -> list[float | None]:
+    given = dict(zip(row.names, row.values.get("positions", ()), strict=False))
+    return [given.get(name) for name in names]
 
 
 def _column(
