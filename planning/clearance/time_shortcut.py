@@ -24,10 +24,10 @@ import numpy as np
 
 from compiled.kernel import direct, kernel
 from compiled.random import State, uniform_kernel
-from compiled.simd import LANES, on_stack
+from compiled.simd import LANES
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker, any_model
-from obstacles.collision.lanes.check import blocked_between, blocked_lanes
+from obstacles.collision.lanes.check import blocked_lanes
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays, at_margins
 from obstacles.collision.proximity import line_deficit
@@ -36,7 +36,6 @@ from planning.search.shortcut import (
     Look,
     are_proved,
     distance,
-    is_free,
     look_of,
     looks_free,
 )
@@ -59,7 +58,7 @@ class Step(IntEnum):
 
 
 #: Steps that are drawn, and those among them that are looked at for clearance, at most.
-_MAX_TRIALS, _MAX_CHECKS = 300, 120
+_MAX_TRIALS, _MAX_CHECKS = 250, 120
 #: Paths with more waypoints stay as they are.
 MAX_WAYPOINTS = 48
 #: Waypoints that a path may get more, at most.
@@ -96,7 +95,6 @@ class _Bounds(NamedTuple):
         limits: Of velocity, acceleration and jerk, shape (3, n).
         positions: Lower and upper limits of the joints, shape (2, n).
         weight: Of a shortfall [1/m].
-        later: Whether legs are looked at coarsely, and proved free in the end.
     """
 
     preferred: Look
@@ -105,7 +103,6 @@ class _Bounds(NamedTuple):
     limits: Array
     positions: Array
     weight: float
-    later: bool
 
 
 def quicken(
@@ -124,8 +121,8 @@ def quicken(
         waypoints: The polyline, shape (k, n) [rad or m]; its ends stay.
         limits: Of velocity, acceleration and jerk, shape (3, n), as ``estimate_limits`` has them.
         spacious: Whether the legs are known to lack nothing of what the first asks for.
-        proves: Whether legs that lack nothing are proved, in the end; otherwise they are only
-            looked at, before and afterwards.
+        proves: Whether legs are proved in the end; otherwise they are only looked at, before and
+            afterwards.
     """
     preferred, least = levels[0], levels[-1]
     if len(levels) < 2 or not 2 < len(waypoints) <= MAX_WAYPOINTS:
@@ -137,7 +134,7 @@ def quicken(
     slack = float(least.slack)
     looks, joints = (look_of(preferred, 0.0), look_of(least)), least.model.robot.chain.limits
     positions = np.stack([joints.lower, joints.upper])
-    bounds = _Bounds(*looks, slack, limits, positions, weight, True)
+    bounds = _Bounds(*looks, slack, limits, positions, weight)
     return _quicken_directly()(least.model.arrays, bounds, points, spacious, proves)
 
 
@@ -145,7 +142,7 @@ def quicken(
 def _quicken_directly() -> Callable[[ModelArrays, _Bounds, Array, bool, bool], Array]:
     """``quicken_kernel`` without the look at its arguments' types, which would cost too much."""
     look, points = Look(0.0, 0.0, 0.0), np.zeros((1, 1))
-    bounds = _Bounds(look, look, 0.0, points, points, 0.0, True)
+    bounds = _Bounds(look, look, 0.0, points, points, 0.0)
     return direct(quicken_kernel, any_model(), bounds, points, True, True)
 
 
@@ -153,7 +150,7 @@ def _quicken_directly() -> Callable[[ModelArrays, _Bounds, Array, bool, bool], A
 def quicken_kernel(
     model: ModelArrays, bounds: _Bounds, waypoints: Array, spacious: bool, proves: bool
 ) -> Array:
-    """``quicken`` of waypoints (k, n), k >= 3, legs that lack nothing proved later, or never."""
+    """``quicken`` of waypoints (k, n), k >= 3, proved in the end, or never."""
     room, n = waypoints.shape[0] + _MORE_WAYPOINTS, waypoints.shape[1]
     way = _Way(
         np.empty((room, n)), np.empty(room), np.empty((room, n)), np.empty(room),
@@ -163,16 +160,10 @@ def quicken_kernel(
     count = _start(model, work, bounds, way, waypoints, spacious)
     count = _quicken(model, work, bounds, way, count)
     points = way.points[:count]
-    kept = _lack_nothing(model, work, bounds, way, count)
-    if not kept or (proves and not are_proved(model, work, held, points, waypoints)):
-        # Between two looks it came too near: once more, with a proof of every leg.
-        at_once = _Bounds(
-            bounds.preferred, bounds.least, bounds.slack, bounds.limits, bounds.positions,
-            bounds.weight, False,
-        )  # fmt: skip
-        count = _start(model, work, at_once, way, waypoints, spacious)
-        count = _quicken(model, work, at_once, way, count)
-    return way.points[:count].copy()
+    # Between two looks it may have come too near: the path stays what it was then.
+    if proves and not are_proved(model, work, held, points, waypoints):
+        return waypoints
+    return points.copy()
 
 
 @kernel(allocates=False)
@@ -190,18 +181,6 @@ def _start(
     if not spacious:
         _write_shortfalls(model, work, bounds, way, count)
     return count
-
-
-@kernel(allocates=False)
-def _lack_nothing(
-    model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, count: int
-) -> bool:
-    """Whether the legs that are said to lack nothing do not by many looks either."""
-    for k in range(count - 1):
-        a, b = way.points[k], way.points[k + 1]
-        if way.shortfall[k] == 0.0 and not looks_free(model, work, bounds.preferred, a, b):
-            return False
-    return True
 
 
 @kernel(allocates=False)
@@ -234,7 +213,8 @@ def _quicken(model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, co
         total = after + _shortfall_cost(bounds, way.expected, legs, size)
         if not (after < less * time and total < less * cost):
             continue
-        checks += 1
+        # Shortfalls take several times as long as looks.
+        checks += 4 if np.any(way.shortfall[k - 1 : k + 1]) else 1
         total = _look(model, work, bounds, way, (size, k, step), total, less * cost)
         if total < less * cost:
             count, time, cost = _take(way, size), after, total
@@ -333,7 +313,7 @@ def _look(
         if _is_blocked_corner(looked, work, trial, i, look.slack):
             return np.inf
     for i in range(k - 1, k + brought):
-        if bounds.later and _is_blocked_leg(looked, work, trial[i], trial[i + 1], look.slack):
+        if not looks_free(model, work, look, trial[i], trial[i + 1]):
             return np.inf
     if lacks:
         deficits = at_margins(model, bounds.preferred.margin, bounds.preferred.own_margin)
@@ -344,25 +324,7 @@ def _look(
             cost += worth * expected[i]
             if not cost < enough:
                 return np.inf
-    if bounds.later:
-        return cost
-    held, checks = Held(look, bounds.slack, False), on_stack(1).view(np.int64)
-    for i in range(k - 1, k + brought):
-        if not is_free(model, work, held, trial[i], trial[i + 1], checks):
-            return np.inf
     return cost
-
-
-@kernel(allocates=False)
-def _is_blocked_leg(
-    model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float
-) -> bool:  # fmt: skip
-    """Whether a state on a leg is not free: a few look at what a proof tells in the end."""
-    # Way between two of them at most, and their number at most.
-    parts, spacing, most = 8, 0.1, 32
-    while parts < most and parts * spacing < distance(a, b):
-        parts *= 2
-    return bool(blocked_between(model, work, a, b, slack, 2, parts))
 
 
 @kernel(allocates=False)

@@ -266,3 +266,23 @@ def test_where_own_links_are_in_the_way_a_second_level_asks_less_of_them() -> No
             assert second.model.margin == first.model.margin
             assert second.model.own_margin < first.model.own_margin
     assert told == {(2000,), (500, 500)}
+
+
+def test_quicker_paths_stay_within_the_ranges_of_the_joints() -> None:
+    robot, random = builtin("panda"), np.random.default_rng(3)
+    limits = robot.chain.limits
+    bounds = estimate_limits(limits.velocity, np.full(7, 10.0), np.full(7, 250.0))
+    levels = clearance_levels(Checker.of(robot, Scene()), PreferredClearance())
+    reach, changed = limits.upper - limits.lower, 0
+    for _ in range(40):
+        # Waypoints next to the ends of some ranges, where half of the shifts would leave them.
+        path = np.array([HOME, *random.uniform(limits.lower, limits.upper, (3, 7)), HOME + 0.2])
+        at_end = random.uniform(size=(3, 7)) < 0.5
+        path[1:4] = np.where(at_end, limits.upper - 1e-3 * reach, path[1:4])
+        if not all(levels[-1].free(a, b) for a, b in pairwise(path)):
+            continue
+        quick = quicken(levels, path, bounds)
+        assert ((limits.lower <= quick) & (quick <= limits.upper)).all()
+        assert np.array_equal(quick[[0, -1]], path[[0, -1]])
+        changed += not np.array_equal(quick, path)
+    assert changed > 3
