@@ -127,6 +127,7 @@ from planning.retiming.limits_at import Stretch as Stretch
 from planning.retiming.retimed import Retimed as Retimed
 from planning.retiming.simplify import FittedMotion as FittedMotion
 from planning.retiming.simplify import SimplifiedPath as SimplifiedPath
+from planning.retiming.simplify import TipTolerance as TipTolerance
 from planning.retiming.simplify import fit_motion as fit_motion
 from planning.retiming.simplify import simplify as simplify
 from planning.sequence.result import SequenceFailure as SequenceFailure

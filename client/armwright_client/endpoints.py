@@ -49,6 +49,7 @@ from armwright_wire.motions.retime import (
     RetimeRequest,
     RetimeTiming,
     SimplifyRequest,
+    TipTolerance,
 )
 from armwright_wire.motions.retime import JointStateBody as JointState
 from armwright_wire.motions.retime import RetimeAnswer as Retimed
@@ -457,8 +458,9 @@ class ServiceEndpoints:
     def simplify(
         self,
         joints: RowsLike,
-        tolerance: float,
+        tolerance: float | None = None,
         *,
+        tool_tolerance: TipTolerance | None = None,
         robot: str | None = None,
         scene: str | Scene | None = None,
         margin: float = 0.0,
@@ -468,6 +470,7 @@ class ServiceEndpoints:
         body = SimplifyRequest.of(
             path=PathBody.of(joints=joints),
             tolerance=tolerance,
+            tool_tolerance=tool_tolerance,
             robot=robot,
             scene=scene,
             margin=margin,

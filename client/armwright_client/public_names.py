@@ -179,6 +179,7 @@ from armwright_wire.motions.retime import RetimePath as RetimePath
 from armwright_wire.motions.retime import RetimeRequest as RetimeRequest
 from armwright_wire.motions.retime import RetimeTiming as RetimeTiming
 from armwright_wire.motions.retime import SimplifyRequest as SimplifyRequest
+from armwright_wire.motions.retime import TipTolerance as TipTolerance
 from armwright_wire.motions.simulation import RemainingClearance as RemainingClearance
 from armwright_wire.motions.simulation import SimulateRequest as SimulateRequest
 from armwright_wire.motions.timing import RuledLimits as RuledLimits

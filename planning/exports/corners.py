@@ -69,7 +69,7 @@ def fitted_corners(
         return shares, radii  # what touches may go in no deeper
     checker, chain = Checker.of(robot, scene, margin), robot.chain
     legs = np.abs(np.diff(points, axis=0))
-    sizes, ways = legs @ lever_arms(robot), legs @ flange_arms(chain)
+    sizes, ways = legs @ lever_arms(robot), legs @ link_arms(chain, blend_link(chain))
     for k in range(1, len(points) - 1):
         size, way = sizes[k - 1 : k + 1].max(), ways[k - 1 : k + 1].max()
         if not (0.0 < size < np.inf and 0.0 < way < np.inf):
@@ -142,9 +142,9 @@ def lever_arms(robot: RobotGeometry) -> Array:
     return _of_joints(robot.chain, tree, pieces_beyond(robot))
 
 
-def flange_arms(chain: Chain) -> Array:
-    """The same of the flange alone, shape (n,)."""
-    tree, link = BodyTree.of(chain), chain.link(blend_link(chain))
+def link_arms(chain: Chain, link_name: str) -> Array:
+    """The same of a link's origin alone, shape (n,)."""
+    tree, link = BodyTree.of(chain), chain.link(link_name)
     beyond = np.zeros(len(tree.parents))
     beyond[link.joint] = float(np.linalg.norm(link.T_joint_link[:3, 3]))
     return _of_joints(chain, tree, beyond)

@@ -8,15 +8,60 @@ from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, Indices, numbers, typed
 from kinematics.errors import InvalidOption, InvalidTrajectory
+from kinematics.model.branch import BodyTree
+from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
+from planning.exports.corners import link_arms
 from planning.proof.certificate import Certificate, certify
 from planning.timing.path.blend import checked_waypoints
 from planning.timing.path.simplification import fewest_waypoints
 from planning.timing.spline.spline import smooth_motion
 from planning.values.deadline import Deadline
 from planning.values.limits import MotionLimits
+
+
+@dataclass(frozen=True, slots=True)
+class TipTolerance:
+    """Largest distance of the tool from where a path leads it, at every place.
+
+    Args:
+        position: Of the tip's origin [m]; None for any.
+        orientation: Angle of the tip [rad]; None for any.
+    """
+
+    position: float | None = None
+    orientation: float | None = None
+
+    def per_joint(self, chain: Chain) -> Array:
+        """Weights of the joints' deviations whose Euclidean norm is at most 1 within it, (n,).
+
+        A joint turns the tip by at most as much as itself, and moves it by that times its longest
+        arm. The sums over m joints are at most the root of m times their Euclidean norm.
+
+        Raises:
+            InvalidOption: It is no tolerance, or a slide without stops leaves it without a bound.
+        """
+        tree, given = BodyTree.of(chain), (self.position, self.orientation)
+        turns = tree.of_leaders(np.where(tree.slides, 0.0, 1.0))
+        arms = link_arms(chain, chain.tip_link)
+        if all(one is None for one in given) or not all(one is None or one > 0.0 for one in given):
+            raise InvalidOption(
+                f"the tool's tolerance is {self.position} m, {self.orientation} rad",
+                hint="Give positive numbers, one at least.",
+            )
+        rows = [
+            row * np.sqrt(np.count_nonzero(row)) / within
+            for row, within in zip((arms, turns), given, strict=True)
+            if within is not None
+        ]
+        if not np.isfinite(rows).all():
+            raise InvalidOption(
+                "a slide without stops leaves the tool's deviation without a bound",
+                hint="Give a tolerance of joints.",
+            )
+        return np.asarray(np.max(rows, axis=0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +77,8 @@ class SimplifiedPath:
         certificate: Proof of the straight lines against limits of position and collisions, leg i
             run through from rest to rest from the time i - 1 to i; None without a robot.
         notes: Notes on the path.
+        tool_use: Bound of the tool's deviation as a part of its tolerance, position and orientation
+            alike; None without one.
     """
 
     waypoints: Array
@@ -39,6 +86,7 @@ class SimplifiedPath:
     deviation: float
     certificate: Certificate | None = None
     notes: tuple[str, ...] = ()
+    tool_use: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,10 +161,11 @@ def fit_motion(
 @typed
 def simplify(
     waypoints: ArrayLike,
-    tolerance: float,
+    tolerance: float | None,
     robot: RobotGeometry | None = None,
     scene: Scene | None = None,
     *,
+    tool_tolerance: TipTolerance | None = None,
     margin: float = 0.0,
     deadline: Deadline | None = None,
 ) -> SimplifiedPath:
@@ -128,33 +177,40 @@ def simplify(
 
     Args:
         waypoints: Shape (k, n), k >= 1 [rad or m].
-        tolerance: Largest distance of any joint from the path, at every place [rad or m].
+        tolerance: Largest distance of any joint from the path, at every place [rad or m]; None
+            where the tool's alone counts.
         robot: The robot, its joints in their order.
         scene: The obstacles; none where left out.
+        tool_tolerance: Largest distance of the tool from the path, at every place, with a robot.
         margin: Distance to keep from obstacles beyond their own margins [m].
         deadline: Instant at which the proof is given up.
 
     Raises:
-        InvalidOption: The tolerance is negative or no number, or a scene has no robot.
+        InvalidOption: A tolerance is none, or a scene or the tool has no robot.
         InvalidTrajectory: The waypoints are malformed.
     """
-    if not 0.0 <= tolerance < np.inf:
+    given = tolerance is None and tool_tolerance is not None
+    if not (given or (tolerance is not None and 0.0 <= tolerance < np.inf)):
         raise InvalidOption(
             f"the tolerance is {tolerance}", hint="Give a number that is 0 or positive [rad or m]."
         )
     points = checked_waypoints(waypoints)
     if robot is None:
-        if scene is not None:
-            raise InvalidOption("a scene needs a robot", hint="Name one, or leave the scene out.")
-        return _simplified(points, tolerance)
+        if scene is not None or tool_tolerance is not None:
+            raise InvalidOption(
+                "a scene needs a robot, and so does a tolerance of the tool",
+                hint="Name one, or leave them out.",
+            )
+        return _simplified(points, tolerance, None, 1.0)
     if points.shape[1] != robot.chain.n:
         raise InvalidTrajectory(
             f"waypoints have {points.shape[1]} value(s) for {robot.chain.n} joint(s)",
             hint=f"The joints are: {', '.join(robot.chain.joint_names)}; give one value for each.",
         )
     # A violation mostly goes with the deviation: a few tries, then the path as it is.
-    for within in (tolerance, tolerance / 4.0, tolerance / 16.0, 0.0):
-        found = _simplified(points, within)
+    weights = None if tool_tolerance is None else tool_tolerance.per_joint(robot.chain)
+    for share in (1.0, 1.0 / 4.0, 1.0 / 16.0, 0.0):
+        found = _simplified(points, tolerance, weights, share)
         motion = _stopping(robot.chain.joint_names, found.waypoints)
         free = {name: np.full(motion.n, np.inf) for name in ("velocity", "acceleration", "jerk")}
         certificate = certify(
@@ -168,16 +224,41 @@ def simplify(
         if certificate.verified or (deadline is not None and deadline.passed):
             break
     notes: tuple[str, ...] = ()
-    if within < tolerance and certificate.verified:
-        told = f"Within {tolerance:g} of the path no straight lines were proved free: these are "
-        notes = (f"{told}within {within:g}.",)
+    if share < 1.0 and certificate.verified and tolerance != 0.0:
+        told = "Within the tolerance of the path no straight lines were proved free: these are "
+        notes = (f"{told}within {share:g} of it.",)
     return replace(found, certificate=certificate, notes=notes)
 
 
-def _simplified(points: Array, tolerance: float) -> SimplifiedPath:
-    """The fewest waypoints, of which nothing is proved."""
-    numbers, deviation = fewest_waypoints(points, tolerance)
-    return SimplifiedPath(points[numbers], numbers, deviation)
+def _simplified(
+    points: Array, tolerance: float | None, weights: Array | None, share: float
+) -> SimplifiedPath:
+    """The fewest waypoints within a share of the tolerances, of which nothing is proved.
+
+    Args:
+        points: Shape (k, n).
+        tolerance: That of each joint; None for none.
+        weights: Those of ``TipTolerance.per_joint``, shape (n,); None for none.
+        share: Share of the tolerances.
+    """
+    if weights is None:
+        assert tolerance is not None
+        numbers, deviation = fewest_waypoints(points, share * tolerance)
+        return SimplifiedPath(points[numbers], numbers, deviation)
+    within = share
+    if tolerance is not None:
+        # A path that is to keep to its waypoints has no room for the tool either.
+        within = share if tolerance > 0.0 else 0.0
+        weights = np.maximum(weights, 1.0 / tolerance) if tolerance > 0.0 else weights
+    moving = np.ptp(points, axis=0) > 0.0
+    if (weights[moving] == 0.0).any():
+        raise InvalidOption(
+            "a joint moves that the tool's tolerance leaves free",
+            hint="Give its position and its orientation, or a tolerance of joints as well.",
+        )
+    numbers, use = fewest_waypoints(points * weights, within, 2.0)
+    deviation = use / float(weights[moving].min(initial=np.inf))
+    return SimplifiedPath(points[numbers], numbers, deviation, tool_use=use)
 
 
 def _stopping(names: Sequence[str], points: Array) -> Trajectory:

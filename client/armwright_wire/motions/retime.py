@@ -266,8 +266,24 @@ class JointTrajectoryAnswer(Answer):
     )
 
 
+class TipTolerance(Body):
+    """Largest distance of the tool from where a path leads it, at every place."""
+
+    position: Positive | None = Field(None, description="of the tip's origin [m]")
+    orientation: Positive | None = Field(None, description="angle of the tip [rad]")
+
+
 #: Fields that mean nothing without a robot.
-_OF_ROBOT = ("scene", "frame", "attached", "allowed_collisions", "fingers", "tool", "tcp")
+_OF_ROBOT = (
+    "tool_tolerance",
+    "scene",
+    "frame",
+    "attached",
+    "allowed_collisions",
+    "fingers",
+    "tool",
+    "tcp",
+)
 
 
 class SimplifyRequest(WithTool, WithFingers):
@@ -276,9 +292,16 @@ class SimplifyRequest(WithTool, WithFingers):
     model_config = ConfigDict(json_schema_extra={"examples": examples("SimplifyRequest")})
 
     path: PathBody
-    tolerance: NonNegative = Field(
-        description="largest distance of any joint from the path, at every place [rad or m]",
+    tolerance: NonNegative | None = Field(
+        None,
+        description="largest distance of any joint from the path, at every place [rad or m]; may "
+        "be left out beside tool_tolerance",
         examples=[0.001],
+    )
+    tool_tolerance: TipTolerance | None = Field(
+        None,
+        description="largest distance of the tool at every place, by the longest arms of the "
+        "joints; with a robot",
     )
     robot: Name | None = Field(
         None,
@@ -312,6 +335,11 @@ class SimplifyAnswer(Answer):
     left_out: int = Field(description="number of waypoints that are left out")
     deviation: float = Field(
         description="bound of the distance of any joint from the path, at every place [rad or m]"
+    )
+    tool_deviation: dict[str, float | None] | None = Field(
+        None,
+        description="bounds of the tool's position [m] and orientation [rad], null for one without "
+        "a tolerance; null without tool_tolerance",
     )
     certificate: CertificateAnswer | None = Field(
         None,

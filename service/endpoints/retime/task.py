@@ -12,7 +12,7 @@ from kinematics.trajectory.export import csv_text, joint_trajectory
 from planning.retiming.retime import retime as time_again
 from planning.retiming.retime import with_path_stops
 from planning.retiming.retimed import Retimed
-from planning.retiming.simplify import fit_motion
+from planning.retiming.simplify import TipTolerance, fit_motion
 from planning.retiming.simplify import simplify as simplified
 from planning.retiming.state_motion import time_states
 from service.endpoints.attached_objects import robot_in_scene
@@ -89,11 +89,13 @@ def simplify(
     chain = None if robot is None else worker_cache.chain(robot)
     _, points = timings.joint_path(body.path, chain)
     cell = None if robot is None else robot_in_scene(robot, scene, body, points[0])
+    tool = body.tool_tolerance
     found = simplified(
         points,
         body.tolerance,
         None if cell is None else cell.robot,
         None if cell is None else cell.scene,
+        tool_tolerance=None if tool is None else TipTolerance(tool.position, tool.orientation),
         margin=body.margin,
         deadline=current.deadline(),
     )
@@ -107,6 +109,12 @@ def simplify(
         "waypoints": found.numbers.tolist(),
         "left_out": len(points) - len(found.numbers),
         "deviation": found.deviation,
+        "tool_deviation": None
+        if tool is None or found.tool_use is None
+        else {
+            name: None if within is None else within * found.tool_use
+            for name, within in (("position", tool.position), ("orientation", tool.orientation))
+        },
         "certificate": None
         if proof is None
         else certificates.certificate_answer(proof, scene=body.scene),

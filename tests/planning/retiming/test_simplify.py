@@ -96,3 +96,39 @@ def test_exact_copies_go_without_a_tolerance() -> None:
     found = aw.simplify(points, 0.0)
     assert found.deviation == 0.0
     np.testing.assert_array_equal(found.waypoints, merge(points))
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "scara"])
+def test_the_tool_stays_within_its_tolerance(name: str) -> None:
+    robot, rng = aw.load_robot(name), np.random.default_rng(3)
+    limits = robot.chain.limits
+    low, high = np.clip(limits.lower, -2.0, 2.0), np.clip(limits.upper, -2.0, 2.0)
+    for position, orientation in ((2e-3, 0.01), (5e-4, 0.02), (0.01, 0.002)):
+        u = np.linspace(0.0, 1.0, 800)[:, None]
+        middle, way = 0.5 * (low + high), 0.1 * (high - low)
+        points = middle + way * np.sin(u * rng.uniform(1.0, 5.0, len(low)))
+        tool = aw.TipTolerance(position, orientation)
+        found = aw.simplify(points, None, robot, tool_tolerance=tool)
+        assert len(found.numbers) < 0.9 * len(points)
+        assert found.tool_use is not None
+        assert 0.0 < found.tool_use <= 1.0
+        # Each place of the path has one near it on the leg that stands for it.
+        for first, last in itertools.pairwise(found.numbers.tolist()):
+            given = np.linspace(points[first:last], points[first + 1 : last + 1], 5, axis=1)
+            leg = np.linspace(points[first], points[last], 2000)
+            there, line = aw.fk(robot, given.reshape(-1, points.shape[1])), aw.fk(robot, leg)
+            apart = np.linalg.norm(there[:, None, :3, 3] - line[None, :, :3, 3], axis=2)
+            trace = np.einsum("aij,bij->ab", there[:, :3, :3], line[:, :3, :3])
+            angle = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
+            near = (apart <= position + 1e-9) & (angle <= orientation + 1e-7)
+            assert near.any(axis=1).all()
+        both = aw.simplify(points, 1e-5, robot, tool_tolerance=tool)
+        assert both.deviation <= 1e-5
+        assert len(both.numbers) >= len(found.numbers)
+    for wrong in (aw.TipTolerance(), aw.TipTolerance(-1.0), aw.TipTolerance(np.nan, 0.1)):
+        with pytest.raises(InvalidOption, match="tool's tolerance"):
+            aw.simplify(points, None, robot, tool_tolerance=wrong)
+    with pytest.raises(InvalidOption, match="needs a robot"):
+        aw.simplify(points, 1e-3, tool_tolerance=tool)
+    with pytest.raises(InvalidOption, match="the tolerance is None"):
+        aw.simplify(points, None, robot)

@@ -470,7 +470,7 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "robot": "panda", "scene": SMALL_SCENE, "frame": "base", "fingers": {"claw": 0.01},
         "margin": 0.01, "timeout": 5.0,
         "path": {"joints": [[0.0, 0.1], [0.2, 0.3]], "joint_names": ["a", "b"]},
-        "tolerance": 1e-3}),
+        "tolerance": 1e-3, "tool_tolerance": {"position": 1e-3, "orientation": 0.01}}),
     (RetimeRequest, {
         "from": {"position": [0.0, 0.1], "velocity": [0.1, 0.2], "acceleration": [0.0, 0.1]},
         "to": {"position": [0.2, 0.3], "velocity": [0.1, 0.2], "acceleration": [0.0, 0.1]},
