@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from armwright_wire.robots.robot import RobotAnswer
-from kinematics.robots import builtin_urdf
 from tests.service.robots import answer, problem, scene, solid
 
 ROW: dict[str, Any] = {
@@ -67,29 +66,6 @@ def test_a_robot_stored_from_its_table_is_the_same_robot(client: httpx.Client, n
         np.testing.assert_allclose(terms[1][field], terms[0][field], rtol=0, atol=1e-12 * scale)
     again = store(client, f"{name}_again", copy["dh"])
     assert again["dh"]["rows"] == copy["dh"]["rows"]
-
-
-def test_the_round_trip_of_urdf_table_urdf_is_exact(client: httpx.Client) -> None:
-    text = client.get("/v1/robots/panda/urdf")
-    assert text.headers["content-type"] == "application/xml"
-    assert text.text == builtin_urdf("panda")
-    table = answer(client.get("/v1/robots/panda"))["dh"]
-    store(client, "from_table", table)
-    written = client.get("/v1/robots/from_table/urdf").text
-    answer(client.post("/v1/robots", json={"name": "from_written", "urdf": written}), 201)
-    assert client.get("/v1/robots/from_written/urdf").text == written
-    q, qd, qdd = np.random.default_rng(4).uniform(-1.0, 1.0, (3, 5, 7)).tolist()
-    state = {"joints": q, "velocities": qd, "accelerations": qdd}
-    found = []
-    for robot in ("panda", "from_table", "from_written"):
-        fk = answer(client.post(f"/v1/robots/{robot}/fk", json={
-            "joints": q, "orientation": "rotation_matrix"}))  # fmt: skip
-        poses = [[pose["position"], *pose["rotation_matrix"]] for pose in fk["pose"]]
-        dynamics = answer(client.post(f"/v1/robots/{robot}/dynamics", json=state))
-        found.append((poses, dynamics["torques"]))
-    for poses, torques in found[1:]:
-        np.testing.assert_allclose(poses, found[0][0], rtol=0, atol=1e-12)
-        np.testing.assert_allclose(torques, found[0][1], rtol=0, atol=1e-10)
 
 
 def test_solids_of_a_table_are_in_its_urdf(client: httpx.Client) -> None:

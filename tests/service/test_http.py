@@ -2,8 +2,6 @@
 
 import asyncio
 import json
-import os
-import signal
 import socket
 import time
 from functools import partial
@@ -19,7 +17,7 @@ from service.settings import Settings
 from service.version import VERSION
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.http.exchange import BOX
-from tests.service.processes import alive, wait_until
+from tests.service.processes import wait_until
 from tests.service.robots import FIELDS, problem
 from tests.times import quickest
 
@@ -182,17 +180,6 @@ def test_overload_is_told_at_once(client: httpx.Client, app: FastAPI) -> None:
         for connection in waiting:
             connection.close()
     assert wait_until(lambda: supervisor.busy + supervisor.waiting == 0, 20.0)
-
-
-def test_a_killed_worker_is_replaced(client: httpx.Client, app: FastAPI) -> None:
-    # The test before had its worker ended: another is being started in its place.
-    supervisor = app.state.supervisor
-    assert wait_until(lambda: (supervisor.alive, supervisor.spare) == (1, 1), 30.0)
-    pids = supervisor.pids
-    for pid in pids:
-        os.kill(pid, signal.SIGKILL)
-    assert wait_until(lambda: not any(map(alive, pids)), 20.0)
-    assert client.put("/v1/scenes/again", json={"obstacles": [BOX]}).status_code == 201
 
 
 def test_the_published_document(client: httpx.Client) -> None:

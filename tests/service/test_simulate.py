@@ -193,24 +193,6 @@ def test_friction_of_a_request_replaces_that_of_the_robots_motors(
     assert np.abs(own["voltage"]).max() == pytest.approx(5.0)
 
 
-def test_the_mass_matrix_is_that_of_the_links_and_the_motors(
-    client: httpx.Client, driven: dict[str, Any]
-) -> None:
-    state = {"joints": [0.3, -0.7], "velocities": [0.5, 0.2], "accelerations": [1.0, -2.0]}
-    with_motors, without = (
-        answer(client.post(f"/v1/robots/{name}/dynamics", json=state))
-        for name in (driven["name"], "undriven")
-    )
-    J = np.array([m["gear_ratio"] ** 2 * m["inertia"] for m in MOTORS])
-    B = np.array([
-        m["gear_ratio"] ** 2
-        * (m["friction"] + m["torque_constant"] * m["back_emf"] / m["resistance"])
-        for m in MOTORS
-    ])  # fmt: skip
-    torques = np.array(without["torques"]) + J * state["accelerations"] + B * state["velocities"]
-    np.testing.assert_allclose(with_motors["torques"], torques, rtol=1e-12)
-
-
 def test_a_table_with_motors_comes_back_and_is_accepted_as_it_is(
     client: httpx.Client, driven: dict[str, Any]
 ) -> None:
