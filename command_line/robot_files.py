@@ -35,8 +35,9 @@ _PACKAGE = "example-robot-data:"
 def is_file(source: RobotSource) -> bool:
     """Whether the robot is given by a path, and not by a name."""
     text = source.robot
-    in_package = text.startswith(_PACKAGE)
-    return in_package or Path(text).exists() or "/" in text or bool(Path(text).suffix)
+    if text == STANDARD_INPUT or text.startswith(_PACKAGE):
+        return True
+    return Path(text).exists() or "/" in text or bool(Path(text).suffix)
 
 
 def robot_document(source: RobotSource) -> dict[str, Any]:
@@ -44,12 +45,18 @@ def robot_document(source: RobotSource) -> dict[str, Any]:
 
     Args:
         source: A .urdf, .xacro or MJCF, a folder that holds one, a .zip, the JSON of an upload, or
-            ``example-robot-data:`` with the name of a URDF of that package.
+            ``example-robot-data:`` with the name of a URDF of that package; ``-`` is a URDF without
+            meshes or the JSON, from standard input.
 
     Raises:
         ProblemError: There is no such file, or it is of another kind.
         InvalidRobotDescription: The archive or a mesh can't be read.
     """
+    if source.robot == STANDARD_INPUT:
+        text = standard_input()
+        is_urdf = text.lstrip().startswith("<")
+        document = {"urdf": text} if is_urdf else read_json(Path(STANDARD_INPUT))
+        return {"name": "robot"} | document | options(source)
     path = Path(source.robot)
     if source.robot.startswith(_PACKAGE):
         path = _of_package(source.robot.removeprefix(_PACKAGE))
@@ -94,14 +101,14 @@ def read_any(path: Path) -> Any:
     """
     is_input = str(path) == STANDARD_INPUT
     try:
-        text = _standard_input() if is_input else path.read_text("utf-8")
+        text = standard_input() if is_input else path.read_text("utf-8")
         return yaml.safe_load(text) if path.suffix in (".yaml", ".yml") else json.loads(text)
     except (ValueError, yaml.YAMLError) as error:
         raise invalid_value(str(path), f"it is not JSON: {error}") from None
 
 
 @cache
-def _standard_input() -> str:
+def standard_input() -> str:
     """All of standard input, which can be read once only."""
     return sys.stdin.read()
 
@@ -130,10 +137,12 @@ def options(source: RobotSource) -> dict[str, Any]:
     """What the options of a command say of a robot, as fields of its upload."""
     given: dict[str, Any] = {"base_link": source.base_link, "tip_link": source.tip_link}
     if source.srdf is not None:
-        given["srdf"] = described(urdf_text, source.srdf)
+        is_input = str(source.srdf) == STANDARD_INPUT
+        given["srdf"] = standard_input() if is_input else described(urdf_text, source.srdf)
     if source.joint_limits is not None:
         path = source.joint_limits
-        given["joint_limits"] = read_json(path) if path.suffix == ".json" else path.read_text()
+        is_yaml = path.suffix != ".json" and str(path) != STANDARD_INPUT
+        given["joint_limits"] = path.read_text() if is_yaml else read_json(path)
     if source.allow_suspected:
         given["allow_suspected"] = True
     if source.visual_solids:

@@ -4,13 +4,20 @@ import json
 from collections.abc import Mapping
 from math import inf
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import Any
 
 from armwright_client.recordings.recording import Recording, read_recording
 from armwright_client.robots.sources import is_mjcf
 from command_line.parameters import Cell, Mounted, Recorded
 from command_line.problems import invalid_value
-from command_line.robot_files import STANDARD_INPUT, described, read_any, read_json
+from command_line.robot_files import (
+    STANDARD_INPUT,
+    described,
+    read_any,
+    read_json,
+    standard_input,
+)
 
 #: Rows of a Jacobian: velocities along these axes, and about them.
 AXES = ("x", "y", "z", "rx", "ry", "rz")
@@ -162,7 +169,7 @@ def recording(
     """The recorded motion of a file.
 
     Args:
-        path: CSV, JSON, YAML, MCAP file or rosbag.
+        path: CSV, JSON, YAML, MCAP file or rosbag; ``-`` for CSV or JSON from standard input.
         robot: The robot, as the API answers it.
         which: Motion of several that is meant.
         tip: Topic of measurements of the tip.
@@ -181,8 +188,15 @@ def recording(
         for side, sign in (("lower", -1.0), ("upper", 1.0))
     )
     among = {"topic": which.topic, "prefix": which.prefix, "tip": tip}
-    names = robot["joint_names"]
-    return described(read_recording, path, names, **among, span=span, limits=(lower, upper))
+    given = {**among, "span": span, "limits": (lower, upper)}
+    if str(path) != STANDARD_INPUT:
+        return described(read_recording, path, robot["joint_names"], **given)
+    text = standard_input()
+    kind = ".json" if text.lstrip()[:1] in ("{", "[") else ".csv"
+    with NamedTemporaryFile("w", suffix=kind) as file:
+        file.write(text)
+        file.flush()
+        return described(read_recording, Path(file.name), robot["joint_names"], **given)
 
 
 def motion(path: Path) -> dict[str, Any]:

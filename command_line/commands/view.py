@@ -14,7 +14,7 @@ from command_line.backends.backend import at, here
 from command_line.output import print_line, save
 from command_line.parameters import Connection, Mounted, RobotSource, Scene, command
 from command_line.problems import invalid_value
-from command_line.robot_files import read_json
+from command_line.robot_files import STANDARD_INPUT, read_json
 
 if TYPE_CHECKING:
     from command_line.backends.local import LocalBackend
@@ -50,14 +50,15 @@ def view(
 ) -> None:
     """Write one HTML page that shows a plan and its proof, or why there is no motion."""
     file = Path(source)
-    is_file = file.is_file()
+    is_file = file.is_file() or source == STANDARD_INPUT
     if not is_file and file.suffix:
         raise invalid_value("FILE|ID", f"there is no file {source!r}")
     if is_file:
         content = _of_file(file, robot, scene, values.mounted(mounted), tree=tree)
     else:
         content = _of_service(connection, source, tree=tree)
-    page = output or (file.with_suffix(".html") if is_file else Path(f"{source}.html"))
+    stem = "plan" if source == STANDARD_INPUT else source
+    page = output or (file.with_suffix(".html") if file.is_file() else Path(f"{stem}.html"))
     save(page, content)
     if show:
         webbrowser.open(page.absolute().as_uri())

@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from command_line import robot_files
+from kinematics.robots import builtin_urdf
 from tests.command_line.commands import Run
 
 HOME = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
@@ -113,7 +114,7 @@ def test_a_tool_leads_its_tip(run: Run, tmp_path: Path) -> None:
 def typed(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
     """Standard input of the next command."""
     text = io.StringIO()
-    robot_files._standard_input.cache_clear()
+    robot_files.standard_input.cache_clear()
     monkeypatch.setattr("sys.stdin", text)
     return text
 
@@ -180,7 +181,7 @@ def test_a_motion_and_its_premises_come_from_standard_input_once(
     plan = run("plan", "planar_rr", "--start", "0,0.5", "--goal", "0.5,0.2", "--json").json
     write(typed, plan)
     assert run("validate", "planar_rr", "-").code == 0
-    robot_files._standard_input.cache_clear()
+    robot_files.standard_input.cache_clear()
     typed.truncate(0)
     refused = run("validate", "planar_rr", "-")
     assert refused.code == 3
@@ -199,3 +200,33 @@ def test_formulas_have_the_values_of_the_pose(run: Run) -> None:
     np.testing.assert_allclose(position, wanted, atol=1e-12)
     assert re.search(r"cos", run("equations", "planar_rr").out)
     assert r"\cos" in run("equations", "planar_rr", "--format", "latex").out
+
+
+def test_a_robot_its_limits_a_recording_and_a_plan_to_view_come_from_standard_input(
+    run: Run, typed: io.StringIO, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def given(text: str) -> None:
+        robot_files.standard_input.cache_clear()
+        monkeypatch.setattr("sys.stdin", io.StringIO(text))
+
+    urdf = tmp_path / "arm.urdf"
+    urdf.write_text(builtin_urdf("planar_rr"))
+    given(urdf.read_text())
+    asked = ("fk", "-", "-q", "0.3,0.4", "--json")
+    assert run(*asked).json == run("fk", "planar_rr", *asked[2:]).json
+    given(json.dumps({"name": "mine", "urdf": urdf.read_text()}))
+    assert run("robots", "-", "--json").json["name"] == "mine"
+    given(json.dumps({"joint_1": {"velocity": 0.25}}))
+    words = ("retime", str(urdf), str(tmp_path / "path.json"), "--json")
+    (tmp_path / "path.json").write_text(json.dumps({"joints": [[0.0, 0.5], [0.6, 0.5]]}))
+    slow = run(*words, "--joint-limits", "-").json
+    assert slow["trajectory"]["duration"] > 0.6 / 0.25
+    rows = [f"{0.1 * k},{0.01 * k * k},{0.02 * k}" for k in range(11)]
+    given("\n".join(["time,position.joint_1,position.joint_2", *rows]))
+    assert run("fit", "planar_rr", "-", "--tolerance", "0.01", "--json").json["deviation"] < 0.01
+    given("nonsense")
+    assert run("fit", "planar_rr", "-", "--tolerance", "0.01").code == 3
+    monkeypatch.chdir(tmp_path)
+    given(json.dumps(slow["trajectory"]))
+    assert run("view", "-", "--robot", "planar_rr").out == "plan.html\n"
+    assert b"<html" in (tmp_path / "plan.html").read_bytes()
