@@ -188,7 +188,7 @@ def recording(
         for side, sign in (("lower", -1.0), ("upper", 1.0))
     )
     among = {"topic": which.topic, "prefix": which.prefix, "tip": tip}
-    given = {**among, "span": span, "limits": (lower, upper)}
+    given: dict[str, Any] = {**among, "span": span, "limits": (lower, upper)}
     if str(path) != STANDARD_INPUT:
         return described(read_recording, path, robot["joint_names"], **given)
     text = standard_input()
