@@ -198,8 +198,7 @@ def plan_blocks(
         failure = found.failure if isinstance(found, SequencePlan) else found
         if failure is None:
             assert isinstance(found, SequencePlan)
-            shorter = _Shortening(blocks, options, attempt, deadline, seed)
-            return shorter.run(expansion, found)
+            return _shortened(blocks, (expansion, found), options, attempt, deadline, seed)
         if failed is None or failure.reached > failed[0]:
             failed = failure.reached, found
         ready = [
@@ -214,73 +213,48 @@ def plan_blocks(
     return BlocksPlan(failed[1])
 
 
-@dataclass(slots=True)
-class _Shortening(Generic[T]):
-    """Other orders in place of one that can be done, as long as they take less time.
+def _shortened(
+    blocks: Sequence[Any], first: tuple[_Expansion[T], SequencePlan], options: TaskOptions,
+    attempt: Attempt[T], deadline: Deadline, seed: int,
+) -> BlocksPlan:  # fmt: skip
+    """Other orders in place of those that can be done, as long as they take less time.
 
     Args:
         blocks: Stages, and blocks of them, in order.
+        first: The first flat list that can be done, and its plan.
         options: Options of each list.
         attempt: Plans one flat list.
         deadline: The end of everything.
         seed: Seed of the search.
     """
-
-    blocks: Sequence[Any]
-    options: TaskOptions
-    attempt: Attempt[T]
-    deadline: Deadline
-    seed: int
-
-    def run(self, expansion: _Expansion[T], found: SequencePlan) -> BlocksPlan:
-        """The shortest plan that is found before the deadline, one block after another.
-
-        Args:
-            expansion: The first flat list that can be done.
-            found: Its plan.
-        """
-        orders = []
-        for number in range(len(expansion.ordered)):
-            written = None if any(_digits(expansion, number)) else found.duration
-            expansion, found = self._shorten(number, expansion, found)
-            own = expansion.ordered[number]
-            items = tuple(own.block.items[visit.item] for visit in own.visits)
-            orders.append(FoundOrder(items, found.duration, written))
-        return BlocksPlan(found, tuple(orders))
-
-    def _shorten(
-        self, number: int, best: _Expansion[T], found: SequencePlan
-    ) -> tuple[_Expansion[T], SequencePlan]:
-        own = best.ordered[number]
-        search = OrderSearch(len(own.visits), own.block.by_place, self.seed)
-        search.learn(own.visits, found.stages)
+    (best, found), orders = first, []
+    for number, begun in enumerate(best.ordered):
+        names, end = begun.block.items, begun.digit + len(begun.visits)
+        written = None if any(best.digits[begun.digit : end]) else found.duration
+        search = OrderSearch(len(names), begun.block.by_place, seed)
+        search.learn(begun.visits, found.stages)
         since = 0
         for _ in range(_MAX_ORDERS):
-            order = search.propose(self.deadline)
-            if order is None or since == _PATIENCE or self.deadline.passed:
+            order = search.propose(deadline)
+            if order is None or since == _PATIENCE or deadline.passed:
                 break
-            digits, own = best.digits, best.ordered[number]
-            digits[own.digit : own.digit + len(order)] = own.digits_of(order)
+            digits = best.digits
+            digits[begun.digit : end] = begun.digits_of(order)
             other = _Expansion[T](digits)
-            other.add(self.blocks, None)
-            left = replace(self.options, timeout=max(self.deadline.remaining, 1e-3))
-            tried = self.attempt(other.flat, left)
-            visits = other.ordered[number].visits
+            other.add(blocks, None)
+            left = replace(options, timeout=max(deadline.remaining, 1e-3))
+            tried, visits = attempt(other.flat, left), other.ordered[number].visits
             if isinstance(tried, SequenceFailure) or not tried.complete:
-                reached = tried.reached if isinstance(tried, SequenceFailure) else len(tried.stages)
-                search.rule_out(visits, reached)
-            else:
-                since += 1
-                search.learn(visits, tried.stages)
-                if tried.duration < found.duration:
-                    best, found, since = other, tried, 0
-        return best, found
-
-
-def _digits(expansion: _Expansion[Any], number: int) -> list[int]:
-    """Digits of an ordered block of a flat list."""
-    own = expansion.ordered[number]
-    return expansion.digits[own.digit : own.digit + len(own.visits)]
+                stage = tried.reached if isinstance(tried, SequenceFailure) else len(tried.stages)
+                search.rule_out(visits, stage)
+                continue
+            since += 1
+            search.learn(visits, tried.stages)
+            if tried.duration < found.duration:
+                best, found, since = other, tried, 0
+        taken = tuple(names[visit.item] for visit in best.ordered[number].visits)
+        orders.append(FoundOrder(taken, found.duration, written))
+    return BlocksPlan(found, tuple(orders))
 
 
 def plan_work(
