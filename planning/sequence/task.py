@@ -247,7 +247,8 @@ def _with_reference(stages: Sequence[Stage], k: int, stage: Stage, held: Sequenc
     target = next((one for one in others if isinstance(one, Grasp | Place)), None)
     if not near and target is not None:
         own = (target.object or (held[0] if held else None),)
-        on_object = stage.frame == "object" or (isinstance(target, Grasp) and not held)
+        at_grasp = isinstance(target, Grasp) and not held
+        on_object = stage.frame == "object" or (stage.frame == "normal" and at_grasp)
         near = tuple(x for x in (own if on_object else target.supports or own) if x)
     if not near:
         raise _fault(stages, k, f"has a direction in the frame {stage.frame!r}, of nothing",

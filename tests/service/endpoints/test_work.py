@@ -366,6 +366,49 @@ def test_what_can_not_be_put_down_says_why(again: dict[str, Any], told: str) -> 
         plan_sequence(mounted(early), None, json.dumps(early).encode())
 
 
+@pytest.mark.parametrize("frame", ["tool", "root", "object", "support", "normal"])
+@pytest.mark.parametrize("along", [[0.2, 0.1, -1.0], [-0.15, 0.25, -0.9]])
+def test_straight_ways_go_along_their_frames(frame: str, along: list[float]) -> None:
+    """Crate and slab are turned each in its own way; tips by pinocchio."""
+    slab, crate = ([0.5, 0.1, 0.1], [0.2, 0.1, 0.7]), ([0.5, 0.1, 0.2], [-0.15, 0.2, -0.4])
+    obstacles = [
+        solid("slab", "box", slab[0], size=[0.2, 0.2, 0.02]),
+        solid("crate", "box", crate[0], size=[0.08, 0.08, 0.06]),
+    ]
+    for one, (_, rpy) in zip(obstacles, (slab, crate), strict=True):
+        one["pose"]["rpy"] = rpy
+    R = {name: transform_of({"position": at, "rpy": rpy})[:3, :3]
+         for name, (at, rpy) in (("support", slab), ("object", crate))}  # fmt: skip
+    grasp = {"position": [0, 0, 0.08], "rpy": [np.pi, 0, 0.3]}
+    R |= {"root": np.eye(3), "tool": R["object"] @ transform_of(grasp)[:3, :3]}
+    if frame == "tool":
+        along = [along[0], along[1], -along[2]]
+    way: dict[str, Any] = {"direction": along, "frame": frame}
+    back = way | {"direction": (-np.array(along)).tolist()}
+    there = np.array(R.get(frame, R["object"]) @ along)
+    if frame == "normal":
+        way, back = ({"direction": "normal"},) * 2
+        there = np.array(R["object"] @ [0.0, 0.0, -1.0])
+    stages = [
+        {"kind": "move"}, {"kind": "approach", "distance": [0.04, 0.05], **way},
+        {"kind": "grasp", "object": "crate", "grasps": [grasp], "support": "slab"},
+        {"kind": "retreat", "distance": [0.04, 0.05], **back},
+    ]  # fmt: skip
+    body = {"robot": "ur5e", "start": {"joints": HOME}, "scene": {"obstacles": obstacles},
+            "stages": stages, "timing": {"sample_period": 0.02}, "timeout": 20}  # fmt: skip
+    answer, arm = answer_of(plan_sequence, UR, body, TaskAnswer), PinocchioArm("ur5e")
+    for k, wanted in ((1, there), (3, -there)):
+        samples = answer["stages"][k]["trajectory"]["samples"]["position"]
+        tips = np.array([np.asarray(arm.pose(np.array(q), "tool0"))[:3, 3] for q in samples])
+        went = tips[-1] - tips[0]
+        assert np.linalg.norm(went) >= 0.04 - 1e-6
+        assert went / np.linalg.norm(went) == pytest.approx(
+            wanted / np.linalg.norm(wanted), abs=5e-3
+        )
+        off = np.cross(tips - tips[0], wanted / np.linalg.norm(wanted))
+        assert np.linalg.norm(off, axis=1).max() < 3e-4
+
+
 def test_a_move_goes_through_one_of_each_set() -> None:
     first, second = ({"joints": [x, -1.2, 1.3, -1.6, -1.57, 0.0]} for x in (0.6, 1.4))
     below = {"joints": [0.6, 0.6, 1.3, -1.6, -1.57, 0.0]}
