@@ -32,8 +32,8 @@ from kinematics.errors import ArmwrightError as ArmwrightError
 from kinematics.ik.solution import IkResult as IkResult
 from kinematics.ik.solution import IkSolution as IkSolution
 from kinematics.model.chain import Chain as Chain
-from kinematics.model.dh_table import DhRow as DhRow
-from kinematics.model.dh_table import DhTable as DhTable
+from kinematics.model.dh import DhRow as DhRow
+from kinematics.model.dh import DhTable as DhTable
 from kinematics.robots import builtin_names as builtin_names
 from kinematics.trajectory.trajectory import Trajectory as Trajectory
 from obstacles.robots.attachment import Attachment as Attachment
@@ -69,21 +69,21 @@ from obstacles.shapes.shape import Mesh as Mesh
 from obstacles.shapes.shape import PointCloud as PointCloud
 from obstacles.shapes.shape import Sphere as Sphere
 from planning.configuration_check import ConfigurationReport as ConfigurationReport
+from planning.constraints.kinds.constraint import BoxRegion as BoxRegion
 from planning.constraints.kinds.constraint import ClearanceConstraint as ClearanceConstraint
 from planning.constraints.kinds.constraint import ConeConstraint as ConeConstraint
 from planning.constraints.kinds.constraint import JointConstraint as JointConstraint
+from planning.constraints.kinds.constraint import LineRegion as LineRegion
 from planning.constraints.kinds.constraint import LookAtConstraint as LookAtConstraint
 from planning.constraints.kinds.constraint import OrientationConstraint as OrientationConstraint
+from planning.constraints.kinds.constraint import PlaneRegion as PlaneRegion
 from planning.constraints.kinds.constraint import PositionConstraint as PositionConstraint
 from planning.constraints.kinds.constraint import (
     RelativePoseConstraint as RelativePoseConstraint,
 )
+from planning.constraints.kinds.constraint import SphereRegion as SphereRegion
 from planning.constraints.kinds.constraint import ToolSpeedConstraint as ToolSpeedConstraint
 from planning.constraints.kinds.constraint import TorqueConstraint as TorqueConstraint
-from planning.constraints.kinds.region import BoxRegion as BoxRegion
-from planning.constraints.kinds.region import LineRegion as LineRegion
-from planning.constraints.kinds.region import PlaneRegion as PlaneRegion
-from planning.constraints.kinds.region import SphereRegion as SphereRegion
 from planning.excitation import Excitation as Excitation
 from planning.excitation import ExcitationOptions as ExcitationOptions
 from planning.excitation import excite as excite
@@ -172,9 +172,9 @@ from planning.values.preferences import GoalCosts as GoalCosts
 from planning.values.preferences import PreferredClearance as PreferredClearance
 from planning.values.search_trees import Explored as Explored
 from planning.witness.witness import witness as witness
-from tracking.controllers.adaptive import Adaptive as Adaptive
-from tracking.controllers.independent_joint import IndependentJoint as IndependentJoint
+from tracking.controllers.model_based import Adaptive as Adaptive
 from tracking.controllers.model_based import ComputedTorque as ComputedTorque
+from tracking.controllers.model_based import IndependentJoint as IndependentJoint
 from tracking.controllers.model_based import Passivity as Passivity
 from tracking.controllers.model_based import PdGravity as PdGravity
 from tracking.controllers.quadratic_form import quadratic_lyapunov as quadratic_lyapunov

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidRobotDescription
-from kinematics.model.dh import chain_from_dh
-from kinematics.model.dh_table import Convention, DhRow, DhTable
+from kinematics.model.dh import Convention, DhRow, DhTable, chain_from_dh
 from kinematics.readers.lint import tidy
 from kinematics.readers.mesh_uri import resolve_mesh
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf

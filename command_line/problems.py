@@ -16,7 +16,7 @@ from rich.text import Text
 
 from command_line.interrupt import interrupted
 from kinematics.errors import ArmwrightError
-from service.problem import ProblemError
+from service.validation import ProblemError
 
 
 class ExitCode(IntEnum):

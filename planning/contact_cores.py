@@ -13,8 +13,7 @@ import numpy as np
 import scipy
 
 from kinematics.arrays import Array
-from obstacles.convex.hull import convex_hull
-from obstacles.convex.piece import Piece, PieceKind
+from obstacles.convex.piece import Piece, PieceKind, convex_hull
 from obstacles.robots.allowed_pairs import allowed_pairs
 from obstacles.robots.robot_geometry import sorted_pair
 from obstacles.scenes.scene import AllowedContact, Obstacle

@@ -11,8 +11,7 @@ from dynamics.inverse import inverse_dynamics
 from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
-from kinematics.trajectory.interpolation import interpolate
-from kinematics.trajectory.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory, interpolate
 from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene

@@ -28,9 +28,8 @@ from service.http.json_route import JsonRoute
 from service.http.layer.admission import Admission
 from service.http.layer.middleware import ServiceMiddleware
 from service.http.metrics import Metrics
-from service.jobs.agent_jobs import AgentJobs
 from service.jobs.answer import defer
-from service.jobs.runner import Jobs
+from service.jobs.runner import AgentJobs, Jobs
 from service.settings import Settings
 from service.storage.caches.recent import Recent
 from service.storage.store import Store, open_store

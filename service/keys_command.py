@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from service.access.secret import digest, new_credentials, parse
+from service.access.authentication import digest, new_credentials, parse
 from service.settings import Settings
 from service.storage.database import StorageUnavailable, StoreError
 from service.storage.store import Store, open_store

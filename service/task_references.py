@@ -39,24 +39,24 @@ if TYPE_CHECKING:
     from service.endpoints.plan.task import plan as plan
     from service.endpoints.plan.task import validate as validate
     from service.endpoints.plans.audit import audit as audit
-    from service.endpoints.plans.program import swept as swept
     from service.endpoints.plans.stop import stop as stop
+    from service.endpoints.plans.stop import witness as witness
+    from service.endpoints.plans.view import swept as swept
     from service.endpoints.plans.view import view as view
-    from service.endpoints.plans.witness import witness as witness
     from service.endpoints.potential.task import potential as potential
     from service.endpoints.reach.task import reach as reach
     from service.endpoints.retime.task import convert as convert
     from service.endpoints.retime.task import fit as fit
     from service.endpoints.retime.task import retime as retime
     from service.endpoints.retime.task import simplify as simplify
-    from service.endpoints.robots.geometry import finger_poses as finger_poses
-    from service.endpoints.robots.geometry import robot_geometry as robot_geometry
     from service.endpoints.robots.task import change_robot as change_robot
+    from service.endpoints.robots.task import finger_poses as finger_poses
     from service.endpoints.robots.task import make_robot as make_robot
     from service.endpoints.robots.task import make_scene as make_scene
     from service.endpoints.robots.task import make_tool as make_tool
     from service.endpoints.robots.task import prepare_robot as prepare_robot
     from service.endpoints.robots.task import prepare_scene as prepare_scene
+    from service.endpoints.robots.task import robot_geometry as robot_geometry
     from service.endpoints.robots.task import robot_model as robot_model
     from service.endpoints.robots.task import robot_srdf as robot_srdf
     from service.endpoints.robots.task import robot_urdf as robot_urdf

@@ -10,7 +10,7 @@ from armwright_client import Client, FramedPose, Obstacle, Scene, TaskStageRepor
 from armwright_wire.motions.export import Format as ExportFormat
 from armwright_wire.motions.trajectory import SegmentAnswer
 from studio.requests import plan_request, set_fields, tour_request
-from studio.result import Planned, TaskPlanned, TourPlanned
+from studio.state import Planned, TaskPlanned, TourPlanned
 
 #: Settings of a plan that its export takes as well.
 _OPTIONS = ("scene", "attached", "margin", "fingers", "allowed_collisions")

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from armwright_client import Obstacle, Pose
 from studio.pose import rotation, wxyz
-from studio.result import Planned, TaskPlanned, TourPlanned
-from studio.state import StudioState
+from studio.state import Planned, StudioState, TaskPlanned, TourPlanned
 from studio.workbench import Workbench
 
 #: Frames each second: what browsers draw without falling behind.

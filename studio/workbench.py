@@ -28,24 +28,18 @@ from armwright_client.call import Call
 from armwright_wire.motions.export import Format as ExportFormat
 from armwright_wire.robots.robot import GeometryAnswer
 from studio.export import ExportFile, export_file
-from studio.obstacles import MOVEIT, ShapeKind, listed, new_obstacle, read_obstacles
 from studio.pose import stays_in
 from studio.requests import (
+    MOVEIT,
+    ShapeKind,
     attempt,
     ik_request,
+    listed,
+    new_obstacle,
     plan,
     plan_request,
+    read_obstacles,
     set_fields,
-)
-from studio.result import (
-    Branch,
-    Failure,
-    Outcome,
-    Planned,
-    TaskPlanned,
-    TourPlanned,
-    Verdict,
-    branches,
 )
 from studio.settings_form import (
     EntryForms,
@@ -57,7 +51,20 @@ from studio.settings_form import (
     tour_fields,
     waypoint_form,
 )
-from studio.state import Entries, History, StudioState, with_option
+from studio.state import (
+    Branch,
+    Entries,
+    Failure,
+    History,
+    Outcome,
+    Planned,
+    StudioState,
+    TaskPlanned,
+    TourPlanned,
+    Verdict,
+    branches,
+    with_option,
+)
 
 #: Where new obstacles appear [m]: before most arms, within their reach.
 _NEW_PLACE = (0.4, 0.3, 0.3)

@@ -13,8 +13,7 @@ from benchmarks.judges.triangles import winding_numbers
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.pose import align_z
-from obstacles.convex.hull import convex_hull
-from obstacles.convex.piece import Piece, PieceKind
+from obstacles.convex.piece import Piece, PieceKind, convex_hull
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 

@@ -38,9 +38,10 @@ from planning.constraints.kinds.constraint import (
     ConeConstraint,
     Geometric,
     OrientationConstraint,
+    PlaneRegion,
     PositionConstraint,
+    SphereRegion,
 )
-from planning.constraints.kinds.region import PlaneRegion, SphereRegion
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import Goal, JointGoal, PoseGoal, Problem

@@ -28,11 +28,10 @@ from kinematics.robots import builtin_names
 from obstacles.collision.kept_robot import keep_robot
 from obstacles.robots.robot_geometry import RobotGeometry
 from planning.values.deadline import Deadline
-from service.problem import ProblemError, from_fields
 from service.storage.caches import prepared_files, worker_cache
 from service.storage.caches.cache_key import NotPrepared, Reference, builtin_reference
 from service.storage.caches.mounts import mount_of, robot_tools
-from service.validation import validate_as
+from service.validation import ProblemError, from_fields, validate_as
 from service.workers import current
 from service.workers.result import PlanOutcome, TaskProblem
 

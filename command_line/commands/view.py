@@ -93,7 +93,7 @@ def _of_bundle(
     bundle: dict[str, Any], backend: "LocalBackend"
 ) -> tuple[str, dict[str, Any], dict[str, Any] | None]:
     """The robot of a bundle, its plan, and the stored scene that its request names."""
-    from service.endpoints.plans.document import checked_bundle  # noqa: PLC0415
+    from service.endpoints.plans.route import checked_bundle  # noqa: PLC0415
     from service.storage.robot_repository import is_built_in  # noqa: PLC0415
 
     checked = checked_bundle(bundle)

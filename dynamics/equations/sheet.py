@@ -43,7 +43,7 @@ from dynamics.equations.polynomial import Polynomial, Polynomials, TooManyTerms,
 from dynamics.equations.table import Parameter, SymbolicTable, symbolic_table
 from dynamics.model.body import SMOOTH_SPEED
 from kinematics.errors import InvalidOption
-from kinematics.model.dh_table import DhTable
+from kinematics.model.dh import DhTable
 
 #: Arms with more joints get no Christoffel symbols and no regressor: those fill hundreds of pages.
 MAX_REGRESSOR_JOINTS = 4

@@ -9,8 +9,7 @@ import numpy as np
 from dynamics.equations.polynomial import Polynomial, Polynomials, Variables, constant, matrix
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
-from kinematics.model.dh import dh_from_chain
-from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.model.dh import DhRow, DhTable, dh_from_chain
 
 #: Lengths [m], angles [rad] and entries of rotations below this are rounding of products.
 ROUNDING = 1e-10

@@ -11,7 +11,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidRobotDescription
 from kinematics.readers.xml_reader import Element, children, numbers, read_robot, single
 from kinematics.tree.description import CollisionElement, Geometry, RobotDescription
-from kinematics.urdf.links import no_solids, read_geometry, read_origin
+from kinematics.urdf.urdf import no_solids, read_geometry, read_origin
 
 #: Red, green, blue and opacity from 0 to 1.
 Color: TypeAlias = tuple[float, float, float, float]

@@ -17,8 +17,7 @@ from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidScene
 from obstacles.convex.closest_point import nearest_on_cone, nearest_on_cylinder
-from obstacles.convex.hull import convex_hull
-from obstacles.convex.piece import Piece, PieceKind
+from obstacles.convex.piece import Piece, PieceKind, convex_hull
 from obstacles.convex.sphere_cover import cover
 from obstacles.kept_files import is_written, keep_file, kept_array
 

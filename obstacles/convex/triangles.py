@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array, Indices
-from obstacles.convex.hull import convex_hull
-from obstacles.convex.piece import Piece, PieceKind
+from obstacles.convex.piece import Piece, PieceKind, convex_hull
 
 #: Corners of a drawn circle.
 _CIRCLE = 32

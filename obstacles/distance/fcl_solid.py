@@ -15,8 +15,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.pose import align_z
-from obstacles.convex.hull import convex_hull
-from obstacles.convex.piece import Piece, PieceKind
+from obstacles.convex.piece import Piece, PieceKind, convex_hull
 
 #: FCL's units a metre.
 UNITS = 1e5

@@ -24,8 +24,7 @@ import scipy
 from compiled.kernel import kernel
 from kinematics.arrays import Array
 from obstacles.convex.closest_point import nearest_on_hull
-from obstacles.convex.hull import Hull, convex_hull, principal_axes
-from obstacles.convex.piece import Piece, PieceKind
+from obstacles.convex.piece import Hull, Piece, PieceKind, convex_hull, principal_axes
 from obstacles.distance.fcl_solid import Separation, fcl_solid, separation
 
 #: Gap between the bounds at which the distance counts as found [m].

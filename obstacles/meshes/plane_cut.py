@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
 from obstacles.convex.growing_hull import hull_volumes
-from obstacles.convex.hull import DIRECTIONS, farthest_points
+from obstacles.convex.piece import DIRECTIONS, farthest_points
 from obstacles.meshes.mesh import Faces
 
 #: Places at which a cut is tried, along each axis.

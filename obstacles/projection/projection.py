@@ -29,8 +29,15 @@ from obstacles.convex.closest_point import (
     nearest_on_cylinder,
     nearest_on_hull,
 )
-from obstacles.convex.hull import Hull, convex_hull, principal_axes
-from obstacles.convex.piece import Piece, PieceArrays, PieceKind, core_of
+from obstacles.convex.piece import (
+    Hull,
+    Piece,
+    PieceArrays,
+    PieceKind,
+    convex_hull,
+    core_of,
+    principal_axes,
+)
 from obstacles.meshes.winding import winding_numbers
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Mesh, PointCloud

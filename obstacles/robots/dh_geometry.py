@@ -16,8 +16,7 @@ import numpy as np
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.model.chain import Chain, Link
-from kinematics.model.dh import chain_from_dh
-from kinematics.model.dh_table import Convention, DhRow, DhTable
+from kinematics.model.dh import Convention, DhRow, DhTable, chain_from_dh
 from kinematics.pose import align_z, rotation_x, rotation_y, transform
 from obstacles.convex.piece import Piece
 from obstacles.robots.robot_geometry import RobotGeometry, geometry_of_solids

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
 from kinematics.pose import align_z, rotation_z, transform
-from obstacles.convex.hull import convex_hull
+from obstacles.convex.piece import convex_hull
 from obstacles.robots.grasps import surface_of
 from obstacles.scenes.scene import Obstacle
 from obstacles.shapes.shape import Capsule, HalfSpace, Mesh, PointCloud, Shape, Sphere

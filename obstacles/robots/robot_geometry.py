@@ -28,9 +28,8 @@ from kinematics.tree.description import (
 )
 from kinematics.tree.fingers import Fingers
 from kinematics.tree.srdf import Semantics
-from obstacles.convex.hull import convex_hull
-from obstacles.convex.piece import Piece, PieceArrays, PieceKind
-from obstacles.meshes.convex_cover import COARSE, FINE, Fineness
+from obstacles.convex.piece import Piece, PieceArrays, PieceKind, convex_hull
+from obstacles.meshes.decomposition import COARSE, FINE, Fineness
 from obstacles.meshes.mesh import is_bare_header, load_mesh, scaled
 from obstacles.robots.touching_pairs import always_touching, overlapping_covers
 from obstacles.scenes.scene import Obstacle

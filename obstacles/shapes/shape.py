@@ -12,10 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidScene
 from kinematics.pose import align_z, transform
-from obstacles.convex.hull import convex_hull
-from obstacles.convex.piece import Piece, PieceKind, Surface
-from obstacles.meshes.convex_cover import COARSE, ConvexPart, Fineness
-from obstacles.meshes.decomposition import convex_pieces
+from obstacles.convex.piece import Piece, PieceKind, Surface, convex_hull
+from obstacles.meshes.decomposition import COARSE, ConvexPart, Fineness, convex_pieces
 from obstacles.meshes.mesh import checked_mesh
 from obstacles.shapes.primitives import Primitive
 

@@ -11,8 +11,7 @@ import numpy as np
 from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain, Limits
-from kinematics.trajectory.interpolation import interpolate
-from kinematics.trajectory.trajectory import Trajectory, concatenate
+from kinematics.trajectory.trajectory import Trajectory, concatenate, interpolate
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.exports import formats

@@ -35,8 +35,7 @@ from planning.exports.export import (
 from planning.exports.languages import Language, WrittenMotion, procedure
 from planning.exports.options import Event, ExportFormat, ExportOptions, Rule
 from planning.exports.points import single_degrees
-from planning.proof.certificate import Certificate, certify
-from planning.proof.gripper import certify_gripper
+from planning.proof.certificate import Certificate, certify, certify_gripper
 from planning.proof.premises import Premises
 from planning.sequence.result import SequencePlan
 from planning.sequence.world import Cells

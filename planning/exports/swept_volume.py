@@ -19,7 +19,7 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import joint_frames
 from kinematics.model.branch import BodyTree
 from kinematics.trajectory.trajectory import Trajectory
-from obstacles.convex.hull import Hull, convex_hull
+from obstacles.convex.piece import Hull, convex_hull
 from obstacles.convex.triangles import Triangles, corners, join
 from obstacles.robots.robot_geometry import RobotGeometry
 from planning.exports.corners import arms, pieces_beyond

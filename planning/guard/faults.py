@@ -15,9 +15,8 @@ from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
 from planning.proof.certificate import Certificate
 from planning.proof.extrema import TIME, VALUE
-from planning.proof.limits.limit_uses import JUMPING, LimitUses, motion_uses
+from planning.proof.limits.limit_uses import JUMPING, LimitUses, Violation, motion_uses
 from planning.proof.limits.limits import QUANTITIES, check_continuity
-from planning.proof.violation import Violation
 from planning.stops.braking import Braking, BrakingLimits
 from planning.stops.certificate import Surroundings
 from planning.values.limits import JERK_JUMP, RATIO_TOLERANCE, position_excess

@@ -19,8 +19,8 @@ from obstacles.scenes.scene import Obstacle, Scene
 from planning.guard.faults import Look, first_fault, hit_at, look_at, shifted, sound_stops
 from planning.guard.proposals import AT_REST, Proposal
 from planning.proof.certificate import Certificate
+from planning.proof.limits.limit_uses import Violation
 from planning.proof.limits.limits import QUANTITIES
-from planning.proof.violation import Violation
 from planning.stops.certificate import StopCertificate, Surroundings, check_kind
 from planning.stops.family_proof import Worst, prove_family
 from planning.stops.stop_family import StopFamily, braking_motion, state_at

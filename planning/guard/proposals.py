@@ -15,8 +15,7 @@ import scipy
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain
-from kinematics.trajectory.interpolation import INTERPOLATIONS, interpolate
-from kinematics.trajectory.trajectory import Trajectory, concatenate
+from kinematics.trajectory.trajectory import INTERPOLATIONS, Trajectory, concatenate, interpolate
 from kinematics.velocity import joint_velocities
 from planning.stops.braking import BrakingLimits
 from planning.stops.stop_family import braking_motion, state_at, taylor
@@ -93,7 +92,7 @@ class SamplesProposal:
     Args:
         positions: Shape (m, n) [rad or m].
         period: Time between two of them [s].
-        interpolation: One of ``kinematics.trajectory.interpolation.INTERPOLATIONS``.
+        interpolation: One of ``kinematics.trajectory.trajectory.INTERPOLATIONS``.
         velocities: Shape (m, n), for "cubic" and "quintic" [rad/s or m/s].
         accelerations: Shape (m, n), for "quintic" [rad/s^2 or m/s^2].
     """

@@ -24,8 +24,7 @@ from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
 from planning.optimize.iterate import Iterate
-from planning.optimize.linearization import torques
-from planning.optimize.rows import local_matrix
+from planning.optimize.linearization import local_matrix, torques
 from planning.optimize.task import Task
 from planning.values.limits import JERK_JUMP
 from planning.values.optimize_options import Objective

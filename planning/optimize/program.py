@@ -19,8 +19,8 @@ import scipy.sparse
 
 from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import bounded_cache
+from planning.optimize.linearization import Rows
 from planning.optimize.quadratic import Quadratic
-from planning.optimize.rows import Rows
 from planning.optimize.spline import SplineSpace
 
 #: Its stubs know no indices of sparse matrices.

@@ -19,7 +19,7 @@ from obstacles.collision.checker import Checker
 from planning.planner import Ready
 from planning.problem import Problem
 from planning.sampling.search import sample
-from planning.search.straight_line import straight_line
+from planning.search.rrt_connect import straight_line
 from planning.values.deadline import Deadline
 
 #: Options of that search: edges as long as those of a plan [rad].

@@ -19,7 +19,7 @@ from planning.optimize.task import End, Obstruction, Task
 from planning.options import Options
 from planning.problem import JointGoal, Problem
 from planning.proof.certificate import Certificate, certify
-from planning.proof.violation import Violation
+from planning.proof.limits.limit_uses import Violation
 from planning.result import Failure
 from planning.stops.braking import BrakingLimits
 from planning.stops.stop_family import joint_stop
@@ -29,7 +29,7 @@ from planning.values.deadline import Deadline
 from planning.values.optimize_options import OPTIMIZE, RefineOptions
 
 if TYPE_CHECKING:
-    from planning.optimize.refinement import RefinedMotion, Refinement
+    from planning.optimize.scp import RefinedMotion, Refinement
 
 #: Violations that are kept away from once it is known where they are.
 _PLACED = frozenset({"collision", "path_constraint"})
@@ -200,7 +200,7 @@ class OptimizeStage:
         return self.options.refine
 
     def _begin(self, deadline: Deadline) -> "Refinement":
-        from planning.optimize.refinement import Refinement  # noqa: PLC0415  with CasADi
+        from planning.optimize.scp import Refinement  # noqa: PLC0415  with CasADi
 
         problem, known = self.problem, self.known
         smooth = self.parametrization.jerk is not None or "jerk" in self._refine.weights

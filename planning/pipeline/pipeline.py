@@ -26,23 +26,33 @@ from planning.goal_choice.goal_order import (
     plan_configuration,
 )
 from planning.options import Options, with_limits
-from planning.pipeline.moving_start import brakes_first, plan_braking
+from planning.pipeline.moving_start import (
+    Stoppable,
+    brakes_first,
+    plan_braking,
+    surroundings,
+    with_stops,
+)
 from planning.pipeline.optimize_stage import (
     MOST_OFFERS,
     OptimizeStage,
     check_ends,
     refinement_options,
 )
-from planning.pipeline.path_search import FoundPath, PathSearch
-from planning.pipeline.planners import choose_fallback, choose_planners, with_reserve
-from planning.pipeline.stoppable import Stoppable, surroundings, with_stops
+from planning.pipeline.path_search import (
+    FoundPath,
+    PathSearch,
+    choose_fallback,
+    choose_planners,
+    with_reserve,
+)
 from planning.planner import Planner, Ready
 from planning.preflight.goals import pose_goals
 from planning.preflight.limits import moved_note, rates_onto_limits
 from planning.preflight.preflight import preflight, start_only
 from planning.problem import PoseGoal, Problem
 from planning.proof.certificate import Certificate, certify
-from planning.proof.violation import Violation
+from planning.proof.limits.limit_uses import Violation
 from planning.result import Failure, Path, Plan, Stages
 from planning.stops.certificate import StopCertificate
 from planning.timing.choice import chosen_parametrization

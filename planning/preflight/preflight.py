@@ -10,8 +10,7 @@ from obstacles.collision.fcl_distance import overlap_meter
 from obstacles.robots.robot_geometry import hulled
 from planning.goal_choice.goal_order import order_goals
 from planning.planner import ENOUGH, SLACK, TOUCHING, Candidate, Ready, ValidStart
-from planning.preflight.failures import collision_failure, limit_failure
-from planning.preflight.goals import find_goals
+from planning.preflight.goals import collision_failure, find_goals, limit_failure
 from planning.preflight.limits import goal_onto_limits, moved_note, snap_to_limits
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure

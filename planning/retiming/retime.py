@@ -16,7 +16,7 @@ from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain, Limits
 from kinematics.trajectory.trajectory import REST, Trajectory, stay
 from planning.proof.certificate import Certificate, certify_limits
-from planning.proof.violation import Violation
+from planning.proof.limits.limit_uses import Violation
 from planning.retiming.limits_at import (
     TimedInStretches,
     around_corners,

@@ -17,6 +17,8 @@ Algorithmic Foundations of Robotics, 1998; "Finding narrow passages with probabi
 small-step retraction method", Autonomous Robots, 2005.
 
 Pairs of trees for one request: each grown anew, and all their edges counted.
+
+The first planner: a straight motion in joint space, proved free or given up at once.
 """
 
 import math
@@ -30,7 +32,7 @@ import numpy as np
 from compiled.kernel import direct
 from compiled.random import State
 from kinematics.arrays import Array
-from obstacles.collision.checker import Checker, any_model
+from obstacles.collision.checker import Checker, Motion, any_model
 from obstacles.collision.model.collision_model import ModelArrays
 from planning.planner import Planner, Query
 from planning.result import Attempt
@@ -38,6 +40,45 @@ from planning.search.trees import Draws, Growth, Tally, Trees, grow_kernel, new_
 from planning.values.deadline import Deadline
 from planning.values.search_box import search_box
 from planning.values.search_trees import Explored
+
+
+def straight_line(
+    checker: Checker, start: Array, goals: list[Array]
+) -> tuple[Array | None, list[Motion]]:
+    """Try the straight joint motion to each goal in turn.
+
+    Args:
+        checker: The robot in its scene.
+        start: Configuration, shape (n,) [rad or m].
+        goals: Configurations (n,), the most wanted first.
+
+    Returns:
+        The two ends of the first motion that is proved free, or None, and what was found out
+        about each.
+    """
+    motions = []
+    for goal in goals:
+        motion = checker.straight(start, goal)
+        motions.append(motion)
+        if motion.free:
+            return np.array([start, goal]), motions
+    return None, motions
+
+
+@dataclass(frozen=True, slots=True)
+class StraightLine:
+    """The planner "straight_line"."""
+
+    name: ClassVar[str] = "straight_line"
+    needs_goals: ClassVar[bool] = True
+
+    def plan(self, query: Query) -> Attempt:
+        """Try the straight joint motion to each goal in turn."""
+        waypoints, motions = straight_line(query.checker, query.ready.start, query.ready.goals)
+        if waypoints is not None or motions[0].pair is None:
+            return Attempt(waypoints, "Proved free.")
+        return Attempt(None, f"Blocked: {motions[0].pair[0]} and {motions[0].pair[1]}.")
+
 
 #: Share of the mean distance of two random configurations beyond which a node that has met
 #: something is not grown any more.

@@ -20,8 +20,7 @@ from planning.options import Options
 from planning.pipeline import pipeline
 from planning.planner import Planner, Query
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
-from planning.proof.certificate import Certificate, certify
-from planning.proof.gripper import certify_gripper
+from planning.proof.certificate import Certificate, certify, certify_gripper
 from planning.result import Attempt, Failure, Plan
 from planning.sequence.result import StagePlan
 from planning.sequence.stage import (

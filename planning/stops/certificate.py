@@ -14,7 +14,7 @@ from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.proof.certificate import Certificate, certify
-from planning.proof.violation import Violation
+from planning.proof.limits.limit_uses import Violation
 from planning.stops.braking import BrakingLimits
 from planning.stops.family_proof import Worst, prove_family
 from planning.stops.path_stops import path_stop, prove_path_stops

@@ -13,8 +13,13 @@ from planning.preflight.preflight import check_start
 from planning.problem import JointGoal, Problem
 from planning.result import Failure
 from planning.timing.choice import chosen_parametrization
-from planning.tours.configurations import Configurations, find_configurations
-from planning.tours.legs import LegTable, least_times, visit_costs
+from planning.tours.legs import (
+    Configurations,
+    LegTable,
+    find_configurations,
+    least_times,
+    visit_costs,
+)
 from planning.tours.problem import TourOptions, TourProblem, goal_pairs
 from planning.tours.result import Tour, Unvisited
 from planning.tours.search import Stops, TourSearch

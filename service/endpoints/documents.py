@@ -12,8 +12,8 @@ from service.http.answers import json_answer
 from service.http.idempotency import kept_answer, note_kept
 from service.http.request_headers import check_precondition
 from service.http.state import documents_of
-from service.problem import request_problem
 from service.storage.stores.document_store import Record
+from service.validation import request_problem
 
 _T = TypeVar("_T")
 

@@ -6,8 +6,7 @@ from typing import Any
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from armwright_wire.scenes.tool import HeldTip, WithTool
-from service.problem import ProblemError
-from service.validation import fault_list, parse_json, validation_problem
+from service.validation import ProblemError, fault_list, parse_json, validation_problem
 from service.workers.result import TaskProblem
 from service.workers.task import task
 

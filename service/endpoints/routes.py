@@ -36,7 +36,7 @@ from armwright_wire.robots.potential import PotentialAnswer, PotentialRequest
 from armwright_wire.robots.reach import ReachAnswer, ReachRequest
 from armwright_wire.scenes.check import CheckAnswer, CheckRequest
 from service import task_references as tasks
-from service.access.caller import caller_of
+from service.access.authentication import caller_of
 from service.endpoints.plans.replay import pinned_references
 from service.http import answers
 from service.http.answers import json_answer, of_robot

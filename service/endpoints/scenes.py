@@ -20,13 +20,12 @@ from service.http import answers
 from service.http.json_route import json_router
 from service.http.request_headers import check_precondition
 from service.http.state import prepared_folder
-from service.problem import ProblemError
 from service.storage.caches import prepared_files
 from service.storage.caches.cache_key import Reference
 from service.storage.stores.document_store import Record
 from service.task_references import make_scene
 from service.task_references import project as project_task
-from service.validation import validate_as
+from service.validation import ProblemError, validate_as
 
 router = json_router("scenes", "/v1/scenes")
 

@@ -9,11 +9,10 @@ from service.endpoints import documents
 from service.endpoints.documents import After, Limit
 from service.http import answers
 from service.http.json_route import json_router
-from service.problem import storage_problem
 from service.storage.caches.mounts import builtin_tool
 from service.storage.stores.document_store import Record
 from service.task_references import make_tool
-from service.validation import validate_as
+from service.validation import storage_problem, validate_as
 
 router = json_router("tools", "/v1/tools")
 

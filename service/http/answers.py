@@ -20,11 +20,11 @@ from service.http.state import (
     repository_of,
     settings_of,
 )
-from service.problem import from_fields, storage_problem
 from service.storage.caches.cache_key import Kind, Mount, Reference, builtin_reference
 from service.storage.caches.mounts import MOUNTING, Asked, mount_of, named_tools, robot_tools
 from service.storage.robot_repository import is_built_in
 from service.task_references import prepare_robot, prepare_scene, robot_model
+from service.validation import from_fields, storage_problem
 from service.workers.process import OnProgress
 from service.workers.result import CacheMiss, RobotModel, TaskProblem
 from service.workers.task import Job

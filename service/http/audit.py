@@ -13,8 +13,8 @@ from kinematics.errors import ArmwrightError
 from service.http import answers
 from service.http.metrics import Metrics
 from service.http.state import repository_of, settings_of
-from service.problem import ProblemError
 from service.task_references import audit as audit_task
+from service.validation import ProblemError
 
 #: What looks may take of the time of the answers.
 _SHARE = 0.05

@@ -9,12 +9,12 @@ from typing import TypeVar
 from fastapi import Request
 
 from planning.values.deadline import Deadline
-from service.access.caller import client_of
+from service.access.authentication import client_of
 from service.http.layer.admission import Admission
 from service.http.layer.request_checks import ARRIVAL
 from service.http.state import end_dry_run, job_context, settings_of, supervisor_of
-from service.problem import ProblemError, request_problem
 from service.settings import Settings
+from service.validation import ProblemError, request_problem
 from service.workers.process import Background, OnProgress
 from service.workers.task import Job
 

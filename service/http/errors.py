@@ -18,9 +18,8 @@ from starlette.routing import Match
 from starlette.types import Scope
 
 from kinematics.errors import ArmwrightError
-from service.problem import ProblemError, from_fields, unexpected_fault
-from service.validation import validation_problem
-from service.workers.faults import ShuttingDown
+from service.validation import ProblemError, from_fields, unexpected_fault, validation_problem
+from service.workers.state import ShuttingDown
 
 _log = logging.getLogger(__name__)
 

@@ -7,11 +7,11 @@ from typing import TypeVar
 from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.access.caller import caller_of
+from service.access.authentication import caller_of
 from service.http.request_headers import FIELDS
 from service.http.state import store_of
-from service.problem import request_problem
 from service.storage.stores.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
+from service.validation import request_problem
 
 _MAX_KEY = 255
 #: What is kept: that something was created, or accepted as a job. All else is computed anew.

@@ -14,7 +14,7 @@ from fastapi.params import Form
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 
-from service.access.caller import client_of
+from service.access.authentication import client_of
 from service.http.compute import deadline_of
 from service.http.idempotency import answer_once
 from service.http.keeping import answer_and_keep, takes_keep
@@ -22,10 +22,15 @@ from service.http.layer.admission import named_timeout
 from service.http.openapi import RESPONSES
 from service.http.request_headers import FIELDS, values
 from service.http.state import job_context, settings_of, supervisor_of
-from service.problem import from_fields, request_problem
 from service.settings import Settings
 from service.task_references import outline
-from service.validation import check_field_count, parse_json, validate_as
+from service.validation import (
+    check_field_count,
+    from_fields,
+    parse_json,
+    request_problem,
+    validate_as,
+)
 from service.workers.result import TaskProblem
 
 #: Bodies up to this are parsed and validated within milliseconds [byte].

@@ -21,7 +21,7 @@ from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.base import Keepable
 from kinematics.errors import ArmwrightError
-from service.access.caller import caller_of
+from service.access.authentication import caller_of
 from service.http.audit import check_answer
 from service.http.errors import document, from_domain, status_of
 from service.http.state import (
@@ -35,11 +35,11 @@ from service.http.state import (
     settings_of,
     store_of,
 )
-from service.problem import ProblemError
 from service.storage.caches.cache_key import Reference
 from service.storage.caches.mounts import with_tools
 from service.storage.database import StorageUnavailable
 from service.storage.stores.plan_store import PlanContent, PlanRecord
+from service.validation import ProblemError
 from service.version import VERSION
 
 #: Key in the scope of a request, with the id of the plan that it was kept as.

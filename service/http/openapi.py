@@ -19,7 +19,7 @@ from armwright_wire.plans.job import Problem
 from armwright_wire.robots.robot import RobotBody
 from planning.sampling.planners import PLANNERS, describe_options
 from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE, document
-from service.problem import ProblemError
+from service.validation import ProblemError
 
 
 def _references(codes: Iterable[str]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from functools import lru_cache
 from fastapi import Request
 from starlette.types import Scope
 
-from service.problem import ProblemError, storage_problem
+from service.validation import ProblemError, storage_problem
 
 #: The quality of what is not accepted.
 _REFUSED = re.compile(rb"q=0(\.0{0,3})?")

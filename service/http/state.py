@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fastapi import Request
 
-from service.access.caller import ANYONE, Caller, caller_of
+from service.access.authentication import ANYONE, Caller, caller_of
 from service.settings import Settings, prepared_folder_of
 from service.storage.caches.cache_key import Reference
 from service.storage.caches.recent import Recent

@@ -7,7 +7,7 @@ from fastapi import Request, Response
 from pydantic_core import to_json
 
 from armwright_wire.plans.job import JobSummary
-from service.access.caller import caller_of
+from service.access.authentication import caller_of
 from service.fields import picked
 from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import Handler, prefers_async

@@ -20,16 +20,15 @@ from service.http.errors import document, from_domain
 from service.http.metrics import Metrics
 from service.http.state import JobContext, settings_of, supervisor_of
 from service.jobs.execution import BATCH_PATH, STORAGE_RETRY
-from service.problem import ProblemError, from_fields, unexpected_fault
 from service.storage.caches import prepared_files
 from service.storage.caches.cache_key import Reference
 from service.storage.database import StorageUnavailable
-from service.storage.stores.job_store import JobAnswer
-from service.storage.stores.queue_store import ChunkAnswer
+from service.storage.stores.job_store import ChunkAnswer, JobAnswer
 from service.task_references import plan, plan_part, split
+from service.validation import ProblemError, from_fields, unexpected_fault
 from service.workers.chunk_sizes import TURN
-from service.workers.faults import ShuttingDown
 from service.workers.result import BatchItem, PlannedPart, PlanOutcome, SplitBatch, TaskProblem
+from service.workers.state import ShuttingDown
 
 #: Problems of a part at most: quicker ones than half a millisecond there are not.
 _LARGEST = 64

@@ -10,7 +10,7 @@ from typing import Any
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive
 
-from service.access.caller import CALLER
+from service.access.authentication import CALLER
 from service.http.state import JOB_CONTEXT, JobContext
 from service.storage.stores.job_store import JobAnswer, StoredRequest
 

@@ -5,10 +5,9 @@ import secrets
 from service.storage.database import Database
 from service.storage.stores.document_store import DocumentStore
 from service.storage.stores.idempotency_store import IdempotencyStore
-from service.storage.stores.job_store import JobStore
+from service.storage.stores.job_store import JobStore, QueueStore
 from service.storage.stores.key_store import KeyStore
 from service.storage.stores.plan_store import PlanStore
-from service.storage.stores.queue_store import QueueStore
 from service.storage.stores.server_store import ServerStore
 
 

@@ -55,7 +55,7 @@ def require_telemetry(endpoint: str | None) -> None:
 
 def install_tracing(app: FastAPI, tracing: "Tracing") -> None:
     """Put the layer that makes spans of requests around an application, outside of all others."""
-    from service.tracing.traced import Traced  # noqa: PLC0415
+    from service.tracing.tracer import Traced  # noqa: PLC0415
 
     app.add_middleware(Traced, tracing=tracing)
 

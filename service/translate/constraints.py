@@ -5,30 +5,28 @@ from typing import Any
 
 import numpy as np
 
-from armwright_wire.goals import constraint as schema
+from armwright_wire.goals import goal as schema
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidPose
 from kinematics.model.chain import Chain
 from kinematics.pose import from_quaternion
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import (
+    BoxRegion,
     ClearanceConstraint,
     ConeConstraint,
     Constraint,
     JointConstraint,
+    LineRegion,
     LookAtConstraint,
     OrientationConstraint,
+    PlaneRegion,
     PositionConstraint,
+    Region,
     RelativePoseConstraint,
+    SphereRegion,
     ToolSpeedConstraint,
     TorqueConstraint,
-)
-from planning.constraints.kinds.region import (
-    BoxRegion,
-    LineRegion,
-    PlaneRegion,
-    Region,
-    SphereRegion,
 )
 from service.translate import poses
 

@@ -1,4 +1,7 @@
-"""Requests whose poses are in other frames, put into the robot's root frame."""
+"""Requests whose poses are in other frames, put into the robot's root frame.
+
+Named states of robots in requests, looked up.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
@@ -6,17 +9,79 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import BaseModel
 
-from armwright_wire.goals import constraint as constraints
-from armwright_wire.goals.goal import Goal, SingleGoal
+from armwright_wire.goals import goal as constraints
+from armwright_wire.goals.goal import Goal, SingleGoal, Start
 from armwright_wire.goals.tool_motion import RoundedCorner, TimedToolMotion, TimedToolMotions
 from armwright_wire.plans.plan import PlanRequest
 from armwright_wire.pose import FramedPose, Pose
 from armwright_wire.robots.kinematics import IkRequest
 from kinematics.arrays import Array
-from kinematics.errors import InvalidGoal
+from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.root_frame import check_default_frame, frame_pose
+from kinematics.tree.srdf import state
 from service.translate import poses
+
+_Part = TypeVar("_Part", Start, SingleGoal)
+
+
+def with_states(body: PlanRequest, states: Mapping[str, Array]) -> PlanRequest:
+    """A request for a plan with the joints of the states that it names.
+
+    Args:
+        body: The request.
+        states: States of the robot, by name.
+
+    Raises:
+        InvalidRobotState: The robot has no such state.
+        InvalidOption: It begins on another motion, which only planning itself looks up.
+    """
+    _refuse_plan(body.start)
+    changes: dict[str, Any] = {}
+    if body.start.state is not None:
+        changes["start"] = _looked_up(body.start, states, "start.state")
+    goal = body.goal
+    if goal.state is not None:
+        changes["goal"] = goal.model_copy(update=_joints(goal.state, states, "goal.state"))
+    elif any(item.state is not None for item in goal.any_of or ()):
+        items = [
+            item if item.state is None else _looked_up(item, states, f"goal.any_of[{i}].state")
+            for i, item in enumerate(goal.any_of or ())
+        ]
+        changes["goal"] = goal.model_copy(update={"any_of": items})
+    return body.model_copy(update=changes) if changes else body
+
+
+def _looked_up(part: _Part, states: Mapping[str, Array], where: str) -> _Part:
+    assert part.state is not None
+    return part.model_copy(update=_joints(part.state, states, where))
+
+
+def _joints(name: str, states: Mapping[str, Array], where: str) -> dict[str, Any]:
+    return {"joints": state(states, name, where).tolist(), "state": None}
+
+
+def configuration(body: Start, chain: Chain, states: Mapping[str, Array], where: str) -> Array:
+    """Configuration of a start or an end, shape (n,) [rad or m].
+
+    Raises:
+        InvalidRobotState: The robot has no such state, or the vector has the wrong length.
+        InvalidOption: It is an instant of a plan.
+    """
+    _refuse_plan(body)
+    if body.state is not None:
+        return np.array(state(states, body.state, f"{where}.state"))
+    return np.asarray(chain.state(body.joints or (), f"{where}.joints"))
+
+
+def _refuse_plan(start: Start) -> None:
+    """Refuse a start on the motion of a kept plan where nothing has looked that up."""
+    if start.plan is not None:
+        raise InvalidOption(
+            f"an instant of plan {start.plan!r} is the start of a single new plan only",
+            hint="Give joints, velocities and accelerations in its place.",
+        )
+
 
 #: Marks a request that names a frame somewhere: others are left alone, to the last bit.
 _MARK = b'"frame"'

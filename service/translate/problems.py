@@ -17,7 +17,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.clearance_report import ClearanceReport
 from planning.options import CartesianOptions, Options, ToolMotionOptions
-from planning.pipeline.planners import PLANNERS
+from planning.pipeline.path_search import PLANNERS
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import StageReport
 from planning.values.optimize_options import RefineOptions

@@ -17,7 +17,7 @@ from planning.tool_motions.timed_tool_motions import SpeedBand, TimedToolMotions
 from planning.tool_motions.tool_corner import ToolCorner, ToolCurve
 from planning.tool_motions.tool_motion import ToolMotion
 from planning.tool_motions.tool_tolerance import ToolTolerance
-from planning.tool_paths.motions import tool_motion, tool_reference
+from planning.tool_paths.planner import tool_motion, tool_reference
 from service.fields import listed, picked
 from service.translate import poses
 from service.translate.seams import tolerance

@@ -9,8 +9,7 @@ from armwright_wire.motions import trajectory as schema
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain, Limits
-from kinematics.trajectory.interpolation import interpolate
-from kinematics.trajectory.trajectory import MAX_DEGREE, Trajectory
+from kinematics.trajectory.trajectory import MAX_DEGREE, Trajectory, interpolate
 
 #: Samples of one answer: at a kilobyte each, a hundred megabytes.
 _MAX_SAMPLES = 100_000

@@ -15,15 +15,7 @@ from collections.abc import Sequence
 from typing import Any, TypeVar, cast
 
 from planning.values.deadline import Deadline
-from service.problem import from_fields, unexpected_fault
-from service.workers.faults import (
-    DeadlineExceeded,
-    QueueFull,
-    ShuttingDown,
-    WorkerCrashed,
-    cause_of_death,
-    was_ended_from_outside,
-)
+from service.validation import from_fields, unexpected_fault
 from service.workers.fork.launch import Launched, Recipe
 from service.workers.load import FairQueue
 from service.workers.main import Reply, is_refusal
@@ -38,7 +30,15 @@ from service.workers.process import (
     WorkerLimits,
     is_worn,
 )
-from service.workers.state import SupervisorState
+from service.workers.state import (
+    DeadlineExceeded,
+    QueueFull,
+    ShuttingDown,
+    SupervisorState,
+    WorkerCrashed,
+    cause_of_death,
+    was_ended_from_outside,
+)
 from service.workers.task import Job, pack_job
 
 _R = TypeVar("_R")

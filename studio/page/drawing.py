@@ -23,9 +23,9 @@ from armwright_client import (
 from armwright_wire.robots.robot import GeometryAnswer
 from armwright_wire.scenes.scene import Capsule, Cone
 from studio.motion_frames import LinkPoses, link_poses
-from studio.obstacles import corner, with_corner
 from studio.pose import pose_of, wxyz
-from studio.result import Branch, Verdict
+from studio.requests import corner, with_corner
+from studio.state import Branch, Verdict
 
 #: Of bodies that collide: dark orange, told apart from blue and grey by everybody.
 HIT_COLOR = (213, 94, 0)

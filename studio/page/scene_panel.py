@@ -7,10 +7,10 @@ from typing import Any
 import viser
 
 from armwright_client import FramedPose, Obstacle, Pose
-from studio.obstacles import dimensions, with_dimension
 from studio.page.drawing import MIN_SIZE, ObstacleDrawing
-from studio.page.numbers import NumbersField, PoseFields
 from studio.page.panel import Page, on_user_update, put_value
+from studio.page.robot_panel import NumbersField, PoseFields
+from studio.requests import dimensions, with_dimension
 
 #: Carrier of what stands in the scene.
 _NOTHING = "nothing"

@@ -19,13 +19,20 @@ from armwright_client import ApiError, ArmwrightError, Client
 from studio.code import all_code
 from studio.motion_frames import MotionFrames, motion_frames, task_frames, tour_frames
 from studio.page.drawing import GhostDrawing, PairDrawing, RobotDrawing, surfaces
-from studio.page.numbers import Units
 from studio.page.panel import CommandQueue, Text
-from studio.page.robot_panel import FingerSliders, GoalPanel, JointSliders, RobotPanel
+from studio.page.robot_panel import FingerSliders, GoalPanel, JointSliders, RobotPanel, Units
 from studio.page.scene_panel import ScenePanel
 from studio.page.task_panels import PathsPanel, PlanPanel, TaskPanel
-from studio.result import Failure, Outcome, Planned, TaskPlanned, TourPlanned
-from studio.state import load_session, save_session, session_file
+from studio.state import (
+    Failure,
+    Outcome,
+    Planned,
+    TaskPlanned,
+    TourPlanned,
+    load_session,
+    save_session,
+    session_file,
+)
 from studio.workbench import Workbench, colliding_pairs
 
 #: The robot of the first session.

@@ -10,9 +10,8 @@ from studio.motion_frames import MotionFrames
 from studio.page.entries_panel import EntriesPanel, FieldsPanel
 from studio.page.panel import Page, Text, put_value
 from studio.page.play_panel import PlayPanel
-from studio.result import Failure, Outcome, Planned, TaskPlanned, TourPlanned, compare
 from studio.stages import aimed, goal_entry, new_stage, pick_stages, place_stages, pose_entry
-from studio.state import Entries
+from studio.state import Entries, Failure, Outcome, Planned, TaskPlanned, TourPlanned, compare
 
 
 class PlanPanel:

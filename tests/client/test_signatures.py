@@ -36,7 +36,7 @@ from armwright_wire.robots import (
     robot,
 )
 from armwright_wire.scenes import check
-from planning.pipeline.planners import PLANNERS
+from planning.pipeline.path_search import PLANNERS
 from tests.client.scripted import Scripted, problem
 
 #: Modules whose names people import one by one.

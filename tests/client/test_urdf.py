@@ -18,7 +18,7 @@ from command_line.robot_files import robot_document
 from kinematics.errors import InvalidRobotDescription
 from kinematics.readers.mesh_uri import resolve_mesh
 from kinematics.urdf.urdf import parse_urdf
-from service.problem import ProblemError
+from service.validation import ProblemError
 from studio.workbench import robot_upload
 from tests.service.robots import BOX_OBJ
 

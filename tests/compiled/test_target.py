@@ -11,7 +11,7 @@ import pytest
 
 from compiled.compiler import dispatcher, store
 from compiled.compiler import target as kernel_target
-from kinematics.model.dh_table import DhRow
+from kinematics.model.dh import DhRow
 from tests.compiled.programs import python
 
 ROOT = Path(__file__).parents[2]

@@ -11,9 +11,9 @@ from starlette.concurrency import run_in_threadpool
 
 from kinematics.errors import ArmwrightError
 from service.app import create_app
-from service.problem import from_fields
 from service.settings import Settings
 from service.task_references import MODULES
+from service.validation import from_fields
 from service.workers import current
 from service.workers.load import InFlight
 from service.workers.task import Job, load_tasks, registered_task

@@ -43,8 +43,7 @@ from kinematics.errors import InvalidLinkName, InvalidOption, MissingInertia
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain, Inertia, Link
-from kinematics.model.dh import chain_from_dh, dh_from_chain
-from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.model.dh import DhRow, DhTable, chain_from_dh, dh_from_chain
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from planning.constraints.constraint_set import ConstraintSet
@@ -60,8 +59,7 @@ from tests.dynamics.samples import (
     relative_error,
 )
 from tests.tracking.samples import constant, slider, smooth
-from tracking.controllers.adaptive import Adaptive
-from tracking.controllers.model_based import ComputedTorque
+from tracking.controllers.model_based import Adaptive, ComputedTorque
 from tracking.simulation.simulation import SimulationOptions, simulate
 
 

@@ -15,8 +15,7 @@ import pytest
 from service.app import create_app
 from service.cli import main
 from service.settings import Settings
-from service.storage.stores.job_store import JobRecord
-from service.storage.stores.queue_store import Chunk
+from service.storage.stores.job_store import Chunk, JobRecord
 from service.task_references import plan, plan_part
 from tests.service.commands import start_command
 from tests.service.conftest import Served

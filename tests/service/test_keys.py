@@ -18,10 +18,10 @@ from service.access.authentication import Authenticator
 from service.app import create_app
 from service.cli import main
 from service.keys_command import make_first_key
-from service.problem import ProblemError
 from service.settings import Settings
 from service.storage.store import open_store
-from service.workers.faults import QueueFull
+from service.validation import ProblemError
+from service.workers.state import QueueFull
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.commands import start_command
 from tests.service.processes import wait_until

@@ -10,7 +10,7 @@ from armwright_wire.plans.plan import PlanAnswer
 from armwright_wire.robots.potential import PotentialAnswer
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from planning.pipeline.planners import PLANNERS
+from planning.pipeline.path_search import PLANNERS
 from planning.sampling.planners import PLANNERS as SAMPLING
 from planning.sampling.planners import planner_by_name
 from tests.service.robots import ASIDE, DETOUR, FLOOR, HOME, POST, answer, problem, scene

@@ -13,7 +13,7 @@ from benchmarks.problems.example_arms import archive, package
 from kinematics.urdf.visuals import read_visuals
 from studio.motion_frames import motion_frames
 from studio.page.studio_page import StudioPage
-from studio.result import Failure, Planned, Verdict
+from studio.state import Failure, Planned, Verdict
 from studio.workbench import Workbench
 
 #: Goals tried for one that is free and can be planned to, drawn with this seed.

@@ -12,8 +12,8 @@ from armwright_client import Pose
 from studio.code import plan_code
 from studio.motion_frames import motion_frames, tour_frames
 from studio.page.studio_page import StudioPage, serve_page
-from studio.result import Failure, Planned, TaskPlanned, TourPlanned
 from studio.stages import goal_entry, pose_entry
+from studio.state import Failure, Planned, TaskPlanned, TourPlanned
 from studio.workbench import Workbench
 from tests.service.robots import ASIDE, HOME
 

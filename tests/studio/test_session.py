@@ -8,8 +8,7 @@ import pytest
 from armwright_client import Box, FramedPose, NamedTool, Obstacle
 from studio.page.studio_page import StudioPage, serve_page
 from studio.requests import plan_request
-from studio.result import Planned
-from studio.state import load_session, save_session
+from studio.state import Planned, load_session, save_session
 from studio.workbench import Workbench
 
 

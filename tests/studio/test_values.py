@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from armwright_client import Box, Cylinder, Halfspace, Obstacle, Pose, Sphere
 from armwright_wire.scenes.scene import Capsule, Cone, Shape
-from studio.obstacles import corner, dimensions, with_corner
 from studio.page.entries_panel import describe, labels_of, number_in, text_of, value_of
+from studio.requests import corner, dimensions, with_corner
 from studio.settings_form import EntryForms, FormField
 from studio.state import History, StudioState, moved, with_field, without
 

@@ -18,8 +18,8 @@ from studio.code import ik_code, plan_code
 from studio.motion_frames import LinkPoses, motion_frames, task_frames
 from studio.page.studio_page import StudioPage, serve_page
 from studio.pose import rotation
-from studio.result import Failure, Planned, TaskPlanned, Verdict, compare
 from studio.stages import pick_stages, place_stages
+from studio.state import Failure, Planned, TaskPlanned, Verdict, compare
 from studio.workbench import Workbench, check, colliding_pairs
 from tests.planning.sequence import fingers
 from tests.service.robots import ASIDE, HOME, urdf

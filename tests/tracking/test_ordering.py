@@ -13,10 +13,15 @@ from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from tests.tracking.controllers.test_adaptive import wave
 from tests.tracking.samples import constant, smooth
-from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.controller import Controller
-from tracking.controllers.independent_joint import IndependentJoint, effective_inertia
-from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
+from tracking.controllers.model_based import (
+    Adaptive,
+    ComputedTorque,
+    IndependentJoint,
+    Passivity,
+    PdGravity,
+    effective_inertia,
+)
 from tracking.simulation.result import SimulationResult
 from tracking.simulation.simulation import SimulationOptions, simulate
 

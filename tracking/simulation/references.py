@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.model.chain import Chain
-from kinematics.trajectory.interpolation import interpolate
-from kinematics.trajectory.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory, interpolate
 from tracking.controllers.controller import Reference
 
 #: Pieces in a period of the fastest sine, each a Taylor polynomial of the degree below: positions

@@ -5,7 +5,7 @@ from typing import Generic, Literal, TypeVar
 
 from armwright_client.options.plan_options import SceneOptions, ToolOptions
 from armwright_wire.base import RowsLike, VectorLike
-from armwright_wire.goals.constraint import Constraints
+from armwright_wire.goals.goal import Constraints
 from armwright_wire.pose import Orientation, Pose
 from armwright_wire.robots.calibration import Accuracy, Plane
 from armwright_wire.robots.identification import DriveName

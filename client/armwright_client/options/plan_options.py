@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal, TypeAlias, TypedDict
 
 from armwright_wire.base import VectorLike
-from armwright_wire.goals.constraint import Constraints
-from armwright_wire.goals.goal import Clearance, GoalCosts, Start
+from armwright_wire.goals.goal import Clearance, Constraints, GoalCosts, Start
 from armwright_wire.goals.tool_motion import TimedToolMotions
 from armwright_wire.motions.certificate import Premises, Stops
 from armwright_wire.motions.timing import Timing

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field
 
 from armwright_wire.base import Answer, Body, Label, NamePair, NonNegative, PlanId
-from armwright_wire.goals.constraint import ConstraintUse
+from armwright_wire.goals.goal import ConstraintUse
 from armwright_wire.scenes.check import MAX_ATTACHED, AllowedAnswers
 from armwright_wire.scenes.scene import MAX_OBSTACLES
 

@@ -19,11 +19,11 @@ from armwright_wire.base import (
     Timeout,
     examples,
 )
-from armwright_wire.goals.constraint import Constraints
 from armwright_wire.goals.goal import (
     Clearance,
     ClearanceAnswer,
     ConfigurationAnswer,
+    Constraints,
     Goal,
     GoalCosts,
     Start,

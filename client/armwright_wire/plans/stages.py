@@ -20,8 +20,7 @@ from armwright_wire.base import (
     Seed,
     Vector3,
 )
-from armwright_wire.goals.constraint import Constraints
-from armwright_wire.goals.goal import Goal
+from armwright_wire.goals.goal import Constraints, Goal
 from armwright_wire.goals.tool_motion import CartesianOptions
 from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody

@@ -22,10 +22,10 @@ from armwright_wire.base import (
     Timeout,
     examples,
 )
-from armwright_wire.goals.constraint import Constraints
 from armwright_wire.goals.goal import (
     Clearance,
     ConfigurationAnswer,
+    Constraints,
     GoalCosts,
     GoalLike,
     SingleGoal,

@@ -31,7 +31,7 @@ from armwright_wire.base import (
     exactly_one,
     is_given,
 )
-from armwright_wire.goals.constraint import Constraints, ConstraintUse
+from armwright_wire.goals.goal import Constraints, ConstraintUse
 from armwright_wire.pose import Orientation, OrientedPoseAnswer, PoseInFrame
 from armwright_wire.scenes.check import (
     MAX_FINGERS,

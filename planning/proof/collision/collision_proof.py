@@ -33,8 +33,8 @@ from planning.proof.collision.sweep_state import (
     note_clearance,
     push_halves,
 )
+from planning.proof.limits.limit_uses import Violation, at_an_end
 from planning.proof.motion_bounds import VALUE
-from planning.proof.violation import Violation, at_an_end
 from planning.values.deadline import Deadline
 
 # The referee's decision on a pair.

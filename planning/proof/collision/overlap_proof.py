@@ -40,7 +40,7 @@ from planning.proof.collision.sweep_state import (
     push_halves,
     start_kernel,
 )
-from planning.proof.violation import Violation, at_an_end
+from planning.proof.limits.limit_uses import Violation, at_an_end
 from planning.values.deadline import Deadline
 
 #: Intervals between two looks at the clock: a few milliseconds.

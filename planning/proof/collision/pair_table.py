@@ -19,7 +19,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.proof.collision.elements import HOLDER, Elements, boxes_over, join, solids
 from planning.proof.collision.joined_pieces import join_pieces, join_primitives
-from planning.proof.collision.link_boxes import link_parts, part_pairs, with_link_boxes
+from planning.proof.collision.mesh_solids import link_parts, part_pairs, with_link_boxes
 from planning.proof.collision.proposals import (
     STOP_NODE,
     PackedPieces,

@@ -9,7 +9,7 @@ from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.row import Row
 from planning.proof.constraints.residual_search import ResidualBounds, Verdict, bound_residuals
-from planning.proof.violation import Violation
+from planning.proof.limits.limit_uses import Violation
 
 
 @dataclass(frozen=True, slots=True)

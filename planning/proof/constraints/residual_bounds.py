@@ -17,7 +17,7 @@ from compiled.vec3 import Vector, cross, dot, scale, subtract
 from kinematics.arrays import Array, Indices
 from planning.constraints.row import RowKind
 from planning.proof.collision.separating_direction import rounding_bound
-from planning.proof.constraints.residual_row import (
+from planning.proof.constraints.rotation_bounds import (
     AXIS,
     CARRIER,
     CENTER,
@@ -27,8 +27,8 @@ from planning.proof.constraints.residual_row import (
     POINT,
     REFERENCE,
     UPPER,
+    rotation_bounds,
 )
-from planning.proof.constraints.rotation_bounds import rotation_bounds
 from planning.proof.motion_bounds import RADIUS, VALUE
 from planning.proof.relative_motion import RelativeMotion, axis_motion, relative_motion
 

@@ -18,7 +18,7 @@ from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints.row import Row
 from planning.proof.constraints.residual_bounds import row_bounds
-from planning.proof.constraints.residual_row import pack
+from planning.proof.constraints.rotation_bounds import pack
 from planning.proof.joint_frames import forward_kernel
 from planning.proof.motion_bounds import JOINT_COLUMNS, VALUE, enclose, piece_length, reach
 

@@ -1,14 +1,45 @@
-"""Bounds of rotation vectors over an interval of motion."""
+"""Bounds of rotation vectors over an interval of motion.
+
+Rows of path constraints, packed for the proof's kernels.
+"""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot, scale
 from kinematics.arrays import Array
-from planning.proof.constraints.residual_row import AXIS, CARRIER, LOWER, REFERENCE, TURN, UPPER
+from planning.constraints.row import Row
 from planning.proof.relative_motion import RelativeMotion
+
+# Columns of a row as the kernels here read it.
+KIND = 0
+CARRIER = 1
+REFERENCE = 2
+#: First of three, as are those of vectors below [m].
+POINT = 3
+AXIS = 6
+CENTER = 9
+DIRECTION = 12
+LOWER = 15
+UPPER = 16
+#: First of the nine entries of K.
+TURN = 17
+WIDTH = 26
+
+
+def pack(rows: Sequence[Row]) -> Array:
+    """Rows as the kernels here read them, shape (m, WIDTH)."""
+    packed = np.empty((len(rows), WIDTH))
+    for k, row in enumerate(rows):
+        packed[k, :POINT] = row.kind, row.carrier, row.reference
+        packed[k, POINT:LOWER] = np.concatenate([row.point, row.axis, row.center, row.direction])
+        packed[k, LOWER:TURN] = row.lower, row.upper
+        packed[k, TURN:] = row.turn.reshape(9)
+    return packed
+
 
 #: Below this a sine names no direction.
 _NO_DIRECTION = 1e-12

@@ -15,8 +15,7 @@ from kinematics.model.chain import Limits
 from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.extrema import TIME, VALUE, extrema, jumps, largest_jump
 from planning.proof.limits.effort import effort_uses
-from planning.proof.limits.limit_uses import JUMPING, UNLIMITED, LimitUses, motion_uses
-from planning.proof.violation import Violation
+from planning.proof.limits.limit_uses import JUMPING, UNLIMITED, LimitUses, Violation, motion_uses
 from planning.values.limits import JERK_JUMP, RATIO_TOLERANCE, MotionLimits, position_excess
 
 #: By the order of the derivative.

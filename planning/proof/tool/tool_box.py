@@ -29,6 +29,7 @@ from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.collision.separating_direction import rounding_bound
 from planning.proof.joint_frames import forward_kernel
+from planning.proof.limits.limit_uses import Violation
 from planning.proof.motion_bounds import JOINT_COLUMNS, VALUE, enclose, reach
 from planning.proof.relative_motion import RelativeMotion, relative_motion
 from planning.proof.tool.tool_curve import (
@@ -47,7 +48,6 @@ from planning.proof.tool.tool_curve import (
     vector_at,
 )
 from planning.proof.tool.tool_deviation import Arm, pack_motion, pieces_between, tip_kernel
-from planning.proof.violation import Violation
 from planning.tool_motions.timed_tool_motions import TimedToolMotions
 from planning.tool_motions.tool_tolerance import ToolTolerance
 

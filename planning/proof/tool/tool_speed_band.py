@@ -24,10 +24,10 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.joint_frames import forward_kernel
+from planning.proof.limits.limit_uses import Violation
 from planning.proof.motion_bounds import JOINT_COLUMNS, VALUE, enclose
 from planning.proof.relative_motion import relative_motion
 from planning.proof.tool.tool_deviation import Arm, pieces_between, tip_kernel
-from planning.proof.violation import Violation
 from planning.tool_motions.timed_tool_motions import SpeedBand
 
 #: Halvings of an interval: what is undecided then is a thousandth of a piece.

@@ -16,7 +16,9 @@ from planning.result import Failure
 from planning.tool_motions.tool_path import Reason, Stop
 from planning.tool_motions.tool_tolerance import RX, RZ, ToolTolerance
 from planning.tool_paths.blending import corner_angle
-from planning.tool_paths.reasons import (
+from planning.tool_paths.seams.path import SeamPlaces
+from planning.tool_paths.seams.search import SeamGraph, SeamSearch
+from planning.tool_paths.tool_following import (
     HINTS,
     SINGULAR,
     Cause,
@@ -26,8 +28,6 @@ from planning.tool_paths.reasons import (
     out_of_reach,
     relative_singular_value,
 )
-from planning.tool_paths.seams.path import SeamPlaces
-from planning.tool_paths.seams.search import SeamGraph, SeamSearch
 
 #: Name of the planner.
 _NAME = "cartesian"

@@ -12,9 +12,8 @@ from kinematics.pose import transform
 from planning.options import CartesianOptions
 from planning.planner import Query
 from planning.result import Attempt, Failure
-from planning.search.rrt_connect import rrt_connect
+from planning.search.rrt_connect import rrt_connect, straight_line
 from planning.search.shortcut import shortcut
-from planning.search.straight_line import straight_line
 from planning.tool_motions.tool_motion import line
 from planning.tool_motions.tool_path import (
     PartName,

@@ -9,7 +9,7 @@ from service.http.compute import allowed_time
 from service.http.json_route import Handler, JobRoute, json_router
 from service.http.state import DeferToJob, job_context, settings_of
 from service.jobs.batch import Batch
-from service.problem import request_problem
+from service.validation import request_problem
 
 _RESULT = {200: {"description": "The result of the job", "model": BatchAnswer}}
 

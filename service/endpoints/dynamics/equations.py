@@ -11,7 +11,7 @@ from dynamics.equations.sheet import Motion, Sheet, write_page, write_sheet
 from dynamics.equations.table import textbook_table
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.model.chain import Chain
-from kinematics.model.dh_table import DhTable
+from kinematics.model.dh import DhTable
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate.robots.robots import dh_table

@@ -15,7 +15,7 @@ from planning.exports.recording import record_parts
 from planning.proof.certificate import Certificate
 from planning.proof.premises import Premises
 from service.endpoints.attached_objects import robot_in_scene
-from service.endpoints.plans.program import program_parts
+from service.endpoints.plans.view import program_parts
 from service.fields import shared
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference

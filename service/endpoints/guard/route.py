@@ -10,16 +10,15 @@ from pydantic_core import to_json
 
 from armwright_wire.plans.guard import GuardAnswer, GuardOpening, GuardRequest
 from kinematics.errors import ArmwrightError
-from service.access.caller import caller_of
+from service.access.authentication import caller_of
 from service.http import answers
 from service.http.compute import compute_at_once
 from service.http.errors import document, from_domain
 from service.http.json_route import json_router
-from service.problem import ProblemError
 from service.storage.caches.cache_key import Reference
 from service.task_references import guard as guard_task
 from service.task_references import guard_message
-from service.validation import parse_json, validate_as
+from service.validation import ProblemError, parse_json, validate_as
 from service.workers.result import SessionState
 
 router = json_router("planning")

@@ -31,7 +31,7 @@ from planning.guard.proposals import (
     VelocityProposal,
 )
 from planning.proof.certificate import Certificate
-from planning.proof.violation import Violation
+from planning.proof.limits.limit_uses import Violation
 from planning.timing.jerk.state_to_state import JointState
 from planning.values.limits import MotionLimits
 from service.endpoints.attached_objects import robot_in_scene

@@ -8,14 +8,14 @@ from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.base import Answer
-from service.access.caller import caller_of
+from service.access.authentication import caller_of
 from service.http.json_route import json_router
 from service.http.metrics import Metrics, jobs_text
 from service.http.state import store_of, supervisor_of
 from service.jobs.runner import Jobs
-from service.problem import ProblemError
 from service.storage.database import StorageUnavailable
 from service.storage.tables import DEFAULT_TENANT
+from service.validation import ProblemError
 from service.version import VERSION
 from service.workers.supervisor import WorkerSupervisor
 

@@ -6,7 +6,7 @@ from fastapi import Header, Query, Request, Response
 from starlette.responses import StreamingResponse
 
 from armwright_wire.plans.job import JobAnswer, JobList, JobSummary
-from service.access.caller import caller_of
+from service.access.authentication import caller_of
 from service.endpoints.documents import page
 from service.http.json_route import json_router
 from service.http.state import settings_of

@@ -18,7 +18,7 @@ from armwright_wire.base import Answer
 from service.http.errors import KINDS
 from service.http.json_route import json_router
 from service.http.request_headers import accepts_gzip, names_tag
-from service.problem import ProblemError
+from service.validation import ProblemError
 from service.version import VERSION
 
 router = APIRouter(include_in_schema=False)

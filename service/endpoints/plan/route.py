@@ -8,14 +8,14 @@ from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.plans.plan import PlanAnswer, PlanRequest, ValidateRequest
-from service.access.caller import caller_of
+from service.access.authentication import caller_of
 from service.http import answers
 from service.http.json_route import json_router
 from service.http.metrics import Metrics
 from service.http.state import store_of
-from service.problem import ProblemError
 from service.task_references import plan as plan_task
 from service.task_references import validate as validate_task
+from service.validation import ProblemError
 
 router = json_router("planning")
 

@@ -44,9 +44,9 @@ from service.translate.frames import (
     names_frame,
     plan_in_root_frame,
     tool_motions_in_root_frame,
+    with_states,
 )
 from service.translate.poses import notes_of, rounding_notes
-from service.translate.states import with_states
 from service.translate.tool_motions import (
     reference_answer,
     timed_tool_motions,

@@ -13,9 +13,9 @@ from service.http.errors import document, from_domain, status_of
 from service.http.keeping import KEPT_PLAN
 from service.http.state import REPLAY, STORED_TOOL, USED_REFERENCES, Replay, prepared_folder
 from service.jobs.replay import send_again
-from service.problem import ProblemError
 from service.storage.caches.cache_key import Reference
 from service.storage.stores.plan_store import PlanContent, PlanRecord
+from service.validation import ProblemError
 
 #: Keys of a scope that belong to the request around the replay.
 _OUTER = ("route", "endpoint", "path_params", "starlette.exception_handlers", "router", KEPT_PLAN,

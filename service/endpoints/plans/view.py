@@ -1,40 +1,59 @@
-"""The page of a kept plan, in a worker."""
+"""The page of a kept plan, in a worker.
+
+Kept plans, tasks and tours as the parts of one program.
+
+Configurations of requests that failed: ends, candidates, and what was tried, with reasons.
+"""
 
 import base64
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple, cast, get_args
 
 import numpy as np
 
+from armwright_wire.goals.goal import SingleGoal
+from armwright_wire.motions.export import KeptMotion
 from armwright_wire.plans.plan import PlanRequest, ValidateRequest
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.plans.tour import TourRequest
 from armwright_wire.robots.kinematics import IkRequest
 from armwright_wire.scenes.check import CheckRequest
 from kinematics.errors import ArmwrightError, InvalidOption
+from kinematics.trajectory.trajectory import Trajectory, stay
+from obstacles.convex.triangles import join
+from obstacles.meshes.writer import glb, stl
+from obstacles.robots.finger_geometry import swept_cover
+from obstacles.robots.robot_geometry import RobotGeometry
+from planning.exports.export import Place
+from planning.exports.options import Event
+from planning.exports.program import ProgramPart
+from planning.exports.swept_volume import swept_volume
 from planning.pipeline.pipeline import plan
+from planning.proof.premises import Premises
+from planning.values.finger_motion import FingerMotion
 from planning.values.search_trees import Explored
 from service.endpoints.attached_objects import robot_in_scene
+from service.endpoints.ik.task import ik
 from service.endpoints.plan.task import question
-from service.endpoints.plans import view_failures
-from service.endpoints.plans.view_failures import Kept, solutions
+from service.endpoints.plans.stop import known_witnesses
 from service.endpoints.plans.view_stages import (
     Shown,
     task_cell,
+    task_parts,
     task_shown,
+    task_start,
     tour_cell,
+    tour_parts,
     tour_shown,
 )
-from service.endpoints.plans.witness import known_witnesses
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
-from service.translate.frames import first_configuration
+from service.translate.frames import first_configuration, with_states
 from service.translate.problems import options
-from service.translate.states import with_states
 from service.viewer.document import (
     Configuration,
     configuration_documents,
@@ -45,6 +64,7 @@ from service.viewer.document import (
     tree_sentence,
 )
 from service.viewer.page import checker, page
+from service.viewer.timeline import Part
 from service.viewer.words import (
     NOT_PROVED_HERE,
     PROVED_HERE,
@@ -53,7 +73,296 @@ from service.viewer.words import (
     unproved_sentences,
 )
 from service.workers import current
+from service.workers.result import TaskProblem
 from service.workers.task import task
+
+#: Candidates of one goal, the best first, and of each goal of a tour.
+_MAX_CANDIDATES, _MAX_TOUR_CANDIDATES = 24, 6
+#: Reasons of tasks: in collision: hand and table.
+_COLLISION = re.compile(r"in collision: (.+) and (.+)")
+
+
+class Kept(NamedTuple):
+    """A kept plan whose page is made.
+
+    Args:
+        request: The body.
+        answer: The answer; empty where there is a problem.
+        problem: The problem document; empty where there is an answer.
+        robot: Reference of the robot.
+        scene: Reference of the stored scene, if the request names one.
+    """
+
+    request: dict[str, Any]
+    answer: dict[str, Any]
+    problem: dict[str, Any]
+    robot: Reference
+    scene: Reference | None
+
+
+def of_plan(kept: Kept, body: PlanRequest) -> Iterator[Configuration]:
+    """Start, goals, their IK candidates, and the configurations that the problem names.
+
+    Args:
+        kept: The kept plan.
+        body: Request of the plan, with the joints of named states.
+    """
+    stage, details = kept.problem.get("stage"), kept.problem.get("details") or {}
+    detail = str(kept.problem["detail"])
+    if body.start.joints is not None:
+        yield _end("start", body.start.joints, detail if stage == "start" else None)
+    goals = body.goal.any_of or [body.goal]
+    alone = len(goals) == 1
+    for number, goal in enumerate(goals):
+        name = "goal" if alone else f"goal {number}"
+        if goal.joints is not None:
+            yield _end(name, goal.joints, detail if stage == "goal" and alone else None)
+        elif goal.pose is not None:
+            yield from _candidates(kept, goal, body.start.joints, name)
+    if details.get("nearest_joints"):
+        yield rejected("nearest configuration", details["nearest_joints"], detail)
+    nearest = details.get("nearest_valid")
+    if nearest:
+        words = f"moves the tip by {1000.0 * nearest['tip_distance']:.1f} mm"
+        yield Configuration("nearest valid configuration", nearest["joints"], "valid", words)
+
+
+def of_task(kept: Kept, body: TaskRequest) -> Iterator[Configuration]:
+    """The start, and one configuration of each alternative that was tried, with its reasons.
+
+    Args:
+        kept: The kept task.
+        body: Request of the plan.
+    """
+    stage, detail = kept.problem.get("stage"), str(kept.problem["detail"])
+    yield _end("start", task_start(kept.robot, body), detail if stage == "start" else None)
+    tried = _trials(kept)
+    for trial in tried:
+        if trial.get("joints"):
+            yield rejected(_alternative(trial), trial["joints"], _reasons(trial))
+    stages = {trial["stage"] for trial in tried}
+    for number, item in enumerate(body.stages):
+        goal = item.goal if item.kind == "move" else None
+        if number not in stages and goal is not None and goal.joints is not None:
+            yield _end(f"goal of stage {number}", goal.joints, None)
+
+
+def untried(kept: Kept) -> list[str]:
+    """Sentences about alternatives of a task that have no configuration to show.
+
+    Args:
+        kept: The kept task.
+    """
+    return [
+        f"{_alternative(trial).capitalize()}: {_reasons(trial)}."
+        for trial in _trials(kept)
+        if not trial.get("joints") and trial["reasons"]
+    ]
+
+
+def of_tour(kept: Kept, body: TourRequest) -> Iterator[Configuration]:
+    """The start, and the goals with their IK candidates.
+
+    Args:
+        kept: The kept tour.
+        body: Request of the plan.
+    """
+    stage, detail = kept.problem.get("stage"), str(kept.problem["detail"])
+    start = None if body.start is None else body.start.joints
+    if start is not None:
+        yield _end("start", start, detail if stage == "start" else None)
+    for number, goal in enumerate(body.goals):
+        name = f"goal {goal.id or number}"
+        if goal.joints is not None:
+            yield _end(name, goal.joints, None)
+        elif goal.pose is not None:
+            yield from _candidates(kept, goal, start, name, _MAX_TOUR_CANDIDATES)
+
+
+def _end(label: str, joints: Sequence[float], reason: str | None) -> Configuration:
+    """Start or goal of a problem, rejected where there is a reason."""
+    if reason is None:
+        return Configuration(label, joints, "asked")
+    return rejected(label, joints, reason)
+
+
+def _candidates(
+    kept: Kept, goal: Any, seed: Sequence[float] | None, name: str, most: int = _MAX_CANDIDATES
+) -> Iterator[Configuration]:
+    """All inverse-kinematics solutions of a goal's pose, with the reasons of the rejected ones."""
+    fields: dict[str, Any] = {
+        name: kept.request[name]
+        for name in ("attached", "allowed_collisions", "frame", "scene")
+        if kept.request.get(name) is not None
+    }
+    fields |= {"pose": goal.pose.model_dump(exclude_none=True), "all_solutions": True}
+    if isinstance(goal, SingleGoal) and goal.frame is not None:
+        fields["frame"] = goal.frame
+    if seed is not None:
+        fields["seed_joints"] = list(seed)
+    try:
+        found = ik(kept.robot, kept.scene, json.dumps(fields).encode())
+    except ArmwrightError:
+        return
+    given: list[dict[str, Any]] = []
+    if isinstance(found, TaskProblem):
+        given = cast(list[dict[str, Any]], found.details.get("rejected") or [])
+    elif isinstance(found, bytes):
+        given = json.loads(found)["solutions"]
+    yield from solutions(given[:most], f"{name}, IK solution")
+
+
+def _trials(kept: Kept) -> list[dict[str, Any]]:
+    details = kept.problem.get("details") or {}
+    return [trial for trial in details.get("trials") or () if trial["outcome"] != "solved"]
+
+
+def _alternative(trial: dict[str, Any]) -> str:
+    before = "".join(f", after {choice}" for choice in trial["choices"][:-1])
+    return f"stage {trial['stage']}, choice {trial['choices'][-1]}{before}"
+
+
+def _reasons(trial: dict[str, Any]) -> str:
+    return "; ".join(_COLLISION.sub(r"'\1' and '\2' collide", text) for text in trial["reasons"])
+
+
+def solutions(answers: list[dict[str, Any]], label: str) -> Iterator[Configuration]:
+    """Inverse-kinematics solutions with the reasons of the rejected ones.
+
+    Args:
+        answers: Answers as the API answers them.
+        label: Label of all of them; each gets its number, counted from 0.
+    """
+    for number, answer in enumerate(answers):
+        why = answer.get("rejected_because")
+        name = f"{label} {number}" + (f" ({answer['branch']})" if answer.get("branch") else "")
+        if why is None:
+            yield Configuration(name, answer["joints"], "valid")
+        else:
+            yield rejected(name, answer["joints"], why)
+
+
+_OPERATIONS = get_args(KeptMotion.model_fields["operation"].annotation)
+
+
+@task
+def swept(
+    robot: Reference, scene: Reference | None, content: bytes, form: str, tolerance: float
+) -> bytes:
+    """A mesh that holds every point of the moving arm, and of what it holds, at every instant.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The kept plan as ``GET /v1/plans/{id}`` answers it.
+        form: "glb" or "stl".
+        tolerance: Largest growth of the hulls [m].
+
+    Raises:
+        InvalidOption: The plan has no motion, or the tolerance asks for too many hulls.
+    """
+    whole = json.loads(content)
+    fields = {name: whole.get(name) or {} for name in ("operation", "request", "answer")}
+    if not fields["answer"] or fields["operation"] not in _OPERATIONS:
+        raise InvalidOption(
+            "this kept plan has no motion, so that nothing is swept",
+            hint="Ask for a plan, task, tour or proof that was answered.",
+        )
+    parts = program_parts(robot, scene, KeptMotion.model_validate(fields))
+    moves = [_covered(part) for part in parts]
+    volumes = [swept_volume(motion, arm, tolerance=tolerance) for motion, arm in moves]
+    surface = join(volume.surface() for volume in volumes)
+    return glb(surface, "swept volume") if form == "glb" else stl(surface)
+
+
+def _covered(part: ProgramPart) -> tuple[Trajectory, RobotGeometry]:
+    """The motion of a part, with fingers that hold all that they sweep in it."""
+    arm, fingers = part.place.robot, part.fingers
+    if fingers is not None:
+        arm, _ = swept_cover(arm, fingers.first, fingers.last, (0.0, 1.0))
+    return part.motion, arm
+
+
+#: Shorter stays between legs are rounded off times [s].
+_GAP = 1e-6
+
+
+def program_parts(robot: Reference, scene: Reference | None, kept: KeptMotion) -> list[ProgramPart]:
+    """The parts of a program that does what was planned.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the kept request names one.
+        kept: Request and answer.
+
+    Raises:
+        InvalidOption: Request and answer do not belong together.
+        ArmwrightError: The kept request is at fault.
+    """
+    request, answer = kept.request, kept.answer
+    try:
+        if kept.operation == "POST /v1/tasks":
+            parts = task_parts(robot, scene, request, answer)
+            return [_stage(*one) for one in zip(parts, answer["stages"], strict=True)]
+        if kept.operation == "POST /v1/tours":
+            return [*_legs(tour_parts(robot, scene, request, answer), answer["legs"])]
+        return [_motion(robot, scene, kept)]
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        raise InvalidOption(
+            "plan: request and answer do not belong together: there is no motion",
+            hint="Give both as GET /v1/plans/{id} answers them.",
+        ) from error
+
+
+def _stage(part: Part, stage: Mapping[str, Any]) -> ProgramPart:
+    certificate, event = stage["certificate"], stage.get("event")
+    fingers = None
+    if part.fingers is not None:
+        first, last = part.robot.fingers, part.last.fingers
+        duration = part.fingers.duration
+        fingers = FingerMotion(first, first.positions, last.positions, duration)
+    item = "" if stage.get("item") is None else f", {stage['item']}"
+    return ProgramPart(
+        f"{part.label}{item}",
+        stage["kind"],
+        part.motion,
+        Place(part.robot, part.scene, certificate["premises"]["margin"]),
+        fingers,
+        None if event is None else Event(stage["kind"], event["port"], event["value"]),
+        Premises.of_fields(certificate["premises"]),
+    )
+
+
+def _legs(parts: Sequence[Part], legs: Sequence[Mapping[str, Any]]) -> Iterator[ProgramPart]:
+    """Legs of a tour, and the stays at its goals between them."""
+    time = 0.0
+    for part, leg in zip(parts, legs, strict=True):
+        told = leg["certificate"]["premises"]
+        place = Place(part.robot, part.scene, told["margin"])
+        if part.begins - time > _GAP:
+            still = stay(part.motion.joint_names, part.motion.start, part.begins - time)
+            yield ProgramPart(f"stay before {part.label}", "wait", still, place)
+        yield ProgramPart(part.label, "leg", part.motion, place, premises=Premises.of_fields(told))
+        time = part.begins + part.motion.duration
+
+
+def _motion(robot: Reference, scene: Reference | None, kept: KeptMotion) -> ProgramPart:
+    """The motion of a plan or proof."""
+    geometry = worker_cache.robot(robot).geometry
+    body: PlanRequest | ValidateRequest
+    if kept.operation == "POST /v1/plan":
+        body = with_states(PlanRequest.model_validate(kept.request), geometry.states)
+        start = first_configuration(geometry.chain, body.start.joints)
+        motion, _ = trajectories.answered_trajectory(kept.answer["trajectory"], geometry.chain)
+        premises = Premises.of_fields(kept.answer["certificate"]["premises"])
+    else:
+        body = ValidateRequest.model_validate(kept.request)
+        motion, _ = trajectories.trajectory(body.trajectory, geometry.chain)
+        start, premises = motion.start, Premises.of_fields(kept.answer["premises"])
+    cell = robot_in_scene(robot, scene, body, start)
+    place = Place(cell.robot, cell.scene, premises.margin)
+    return ProgramPart("motion", "plan", motion, place, premises=premises)
+
 
 #: Configurations that one page shows.
 _MAX_CONFIGURATIONS = 64
@@ -202,7 +511,7 @@ def _of_plan(kept: Kept) -> Shown:
             *(f"Note: {note}" for note in kept.answer.get("notes") or ()),
         ]
         return Shown(cell, motion, [], sentences, {"path": kept.answer["path"]["joints"]})
-    return Shown(cell, None, [*view_failures.of_plan(kept, body)], [], {})
+    return Shown(cell, None, [*of_plan(kept, body)], [], {})
 
 
 def _of_validate(kept: Kept) -> Shown:
@@ -219,15 +528,15 @@ def _of_task(kept: Kept) -> Shown:
         return task_shown(kept.robot, kept.scene, kept.request, kept.answer)
     body = TaskRequest.model_validate(kept.request)
     cell = task_cell(kept.robot, kept.scene, body)
-    shown = [*view_failures.of_task(kept, body)]
-    return Shown(cell, None, shown, view_failures.untried(kept), {})
+    shown = [*of_task(kept, body)]
+    return Shown(cell, None, shown, untried(kept), {})
 
 
 def _of_tour(kept: Kept) -> Shown:
     if kept.answer:
         return tour_shown(kept.robot, kept.scene, kept.request, kept.answer)
     body = TourRequest.model_validate(kept.request)
-    shown = [*view_failures.of_tour(kept, body)]
+    shown = [*of_tour(kept, body)]
     return Shown(tour_cell(kept.robot, kept.scene, body), None, shown, [], {})
 
 

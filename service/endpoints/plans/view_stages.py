@@ -29,7 +29,7 @@ from service.endpoints.tasks.stage_cells import (
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
-from service.translate.states import configuration
+from service.translate.frames import configuration
 from service.viewer.document import Carrier, Configuration, carrier_document
 from service.viewer.timeline import Part, finger_tracks, joined, joined_curves
 from service.viewer.words import against

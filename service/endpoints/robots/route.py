@@ -24,12 +24,17 @@ from service.endpoints.documents import After, Limit
 from service.http import answers
 from service.http.json_route import JsonRequest, json_router, require_json, require_plain
 from service.http.state import documents_of, prepared_folder
-from service.problem import ProblemError, request_problem, storage_problem
 from service.storage.caches import prepared_files
 from service.storage.robot_repository import is_built_in
 from service.task_references import change_robot as change_task
 from service.task_references import make_robot, robot_geometry, robot_srdf, robot_urdf, unpack_robot
-from service.validation import parse_json, validate_as
+from service.validation import (
+    ProblemError,
+    parse_json,
+    request_problem,
+    storage_problem,
+    validate_as,
+)
 
 router = json_router("robots", "/v1/robots")
 

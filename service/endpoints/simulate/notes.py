@@ -6,11 +6,9 @@ from armwright_wire.motions.simulation import SimulateRequest
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
-from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.controller import Controller
 from tracking.controllers.gain import commute
-from tracking.controllers.independent_joint import IndependentJoint
-from tracking.controllers.model_based import Passivity, PdGravity
+from tracking.controllers.model_based import Adaptive, IndependentJoint, Passivity, PdGravity
 from tracking.simulation.result import SimulationResult
 from tracking.tube.tube import limit_uses
 

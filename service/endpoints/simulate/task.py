@@ -13,9 +13,9 @@ from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from service.endpoints.attached_objects import robot_in_scene
 from service.endpoints.simulate import translation
-from service.endpoints.simulate.controllers import controller
 from service.endpoints.simulate.notes import request_notes, simulation_notes
 from service.endpoints.simulate.tracking_tube import tube_answer
+from service.endpoints.simulate.translation import controller
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import trajectories

@@ -50,7 +50,7 @@ from service.endpoints.tasks.stage_cells import (
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, problems, timings, trajectories
-from service.translate.states import configuration
+from service.translate.frames import configuration
 from service.translate.tool_motions import reference_answer
 from service.workers import current
 from service.workers.answer import in_frame

@@ -35,11 +35,11 @@ from service.translate.constraints import constraint_set
 from service.translate.contacts import allowed_answer
 from service.translate.frames import (
     Frames,
+    configuration,
     constraints_in_root_frame,
     single_goal_in_root_frame,
 )
 from service.translate.poses import rounding_notes
-from service.translate.states import configuration
 from service.workers import current
 from service.workers.answer import in_frame
 from service.workers.result import TaskProblem, timed_out

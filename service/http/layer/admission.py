@@ -11,10 +11,10 @@ from contextlib import asynccontextmanager
 
 from starlette.types import Scope
 
-from service.access.caller import client_of
+from service.access.authentication import client_of
 from service.http.request_headers import FIELDS
 from service.settings import Settings
-from service.workers.faults import QueueFull
+from service.workers.state import QueueFull
 from service.workers.supervisor import WorkerSupervisor
 
 #: A timeout, wherever in a body it stands. The pattern is tried where its name was found, from the

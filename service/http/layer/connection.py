@@ -17,7 +17,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from service.http.errors import PROBLEM_MEDIA_TYPE, document, headers_of, status_of
 from service.http.layer.middleware import SECURITY_HEADERS
-from service.problem import ProblemError
+from service.validation import ProblemError
 
 #: Descriptors that are left for the storage, the workers and files.
 _RESERVED_DESCRIPTORS = 128

@@ -17,8 +17,7 @@ from starlette.middleware.gzip import GZipMiddleware, IdentityResponder
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service import logs
-from service.access.authentication import Authenticator
-from service.access.caller import CALLER, Caller, caller_of, needed_scope
+from service.access.authentication import CALLER, Authenticator, Caller, caller_of, needed_scope
 from service.access.rate_limit import Allowance, RateLimiter
 from service.http.errors import response_to
 from service.http.layer.admission import Admission
@@ -33,10 +32,10 @@ from service.http.layer.request_checks import (
 from service.http.metrics import Metrics
 from service.http.request_headers import FIELDS, accepts_gzip, first_values
 from service.http.state import JOB_CONTEXT
-from service.problem import ProblemError, request_problem
 from service.settings import Settings
 from service.storage.stores.key_store import ApiKey
 from service.storage.stores.key_store import Scope as NeededScope
+from service.validation import ProblemError, request_problem
 
 #: Headers of every answer that has not its own. Answers are data: nothing in them may be run, shown
 #: in a frame or taken for another type.

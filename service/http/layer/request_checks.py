@@ -26,7 +26,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Message, Receive, Scope
 
 from service.http.request_headers import FIELDS, values
-from service.problem import ProblemError, request_problem
+from service.validation import ProblemError, request_problem
 
 #: Key in the scope of a request with the instant at which it began to arrive, on the clock of
 #: `time.monotonic` [s].

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
-from service.problem import ProblemError, storage_problem
 from service.storage.database import Database
 from service.storage.stores.audit_store import Actor, note
 from service.storage.stores.idempotency_store import KeptAnswer, keep_answer
 from service.storage.tables import DEFAULT_TENANT, documents
+from service.validation import ProblemError, storage_problem
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,10 @@ from typing import Generic, TypeVar
 from sqlalchemy import Connection, bindparam, delete, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
-from service.problem import ProblemError, request_problem
 from service.storage.database import Database
 from service.storage.stores.server_store import is_abandoned
 from service.storage.tables import DEFAULT_TENANT, answers
+from service.validation import ProblemError, request_problem
 
 T = TypeVar("T")
 

@@ -18,10 +18,10 @@ from sqlalchemy import (
 )
 from sqlalchemy.exc import IntegrityError
 
-from service.problem import ProblemError, storage_problem
 from service.storage.caches.cache_key import Kind
 from service.storage.database import Database
 from service.storage.tables import DEFAULT_TENANT, documents, plan_documents, plans, superfluous
+from service.validation import ProblemError, storage_problem
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,8 +19,7 @@ from kinematics.calibration.maker_file import with_origins
 from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.ik.closed_form.structure import classify_wrist
 from kinematics.model.chain import Chain, JointType
-from kinematics.model.dh import dh_from_chain
-from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.model.dh import DhRow, DhTable, dh_from_chain
 from kinematics.readers.lint import tidy
 from kinematics.readers.mesh_uri import resolve_mesh
 from kinematics.robots import builtin_srdf, builtin_urdf

@@ -9,7 +9,7 @@ import sympy
 
 from dynamics.equations.formula import Notation
 from dynamics.equations.sheet import Sheet, write_sheet
-from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.model.dh import DhRow, DhTable
 
 Q = sympy.symbols("q_1:4")
 QD = sympy.symbols("qd_1:4")

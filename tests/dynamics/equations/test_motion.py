@@ -28,8 +28,7 @@ from dynamics.terms import (
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
-from kinematics.model.dh import chain_from_dh
-from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.model.dh import DhRow, DhTable, chain_from_dh
 from kinematics.robots import builtin_chain
 from tests.dynamics.equations.tables import (
     QD,

@@ -14,7 +14,7 @@ from dynamics.equations.polynomial import Polynomial, TooManyTerms, Variables, c
 from dynamics.equations.sheet import AXES, write_sheet
 from dynamics.equations.table import SymbolicTable, symbolic_table
 from kinematics.errors import InvalidOption
-from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.model.dh import DhRow, DhTable
 from tests.dynamics.equations.tables import (
     TABLES,
     articulated_arm,

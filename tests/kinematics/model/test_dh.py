@@ -19,10 +19,10 @@ from kinematics.model.dh import (
     DhRow,
     DhTable,
     chain_from_dh,
+    check_table,
     dh_from_chain,
     frame_origins,
 )
-from kinematics.model.dh_table import check_table
 from kinematics.pose import from_axis_angle, from_rpy, rotation_x, rotation_y, rotation_z, transform
 from kinematics.robots import builtin_names
 from kinematics.rounding import TENSOR_TOLERANCE

@@ -15,17 +15,18 @@ from scipy.interpolate import BPoly, CubicHermiteSpline, make_interp_spline
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
-from kinematics.trajectory.interpolation import INTERPOLATIONS, interpolate
 from kinematics.trajectory.polynomial import (
     shift_kernel,
     unit_roots_kernel,
 )
 from kinematics.trajectory.trajectory import (
+    INTERPOLATIONS,
     MAX_DEGREE,
     MAX_SAMPLES,
     REST,
     Trajectory,
     concatenate,
+    interpolate,
     stay,
 )
 from tests.properties import numbers, trajectories

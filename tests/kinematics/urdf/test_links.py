@@ -9,14 +9,14 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.errors import InvalidRobotDescription
 from kinematics.tree.description import BoxGeometry, CapsuleGeometry, LinkDescription, MeshGeometry
-from kinematics.urdf.links import (
+from kinematics.urdf.urdf import (
     MAX_INERTIA,
     MAX_LENGTH,
     MAX_MASS,
     PLATE,
+    parse_urdf,
     read_origin,
 )
-from kinematics.urdf.urdf import parse_urdf
 
 
 def read(inside: str) -> tuple[LinkDescription, list[str]]:

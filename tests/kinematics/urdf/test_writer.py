@@ -9,8 +9,7 @@ import pytest
 from kinematics.errors import InvalidRobotDescription
 from kinematics.forward import forward
 from kinematics.model.chain import Chain, Limits
-from kinematics.model.dh import chain_from_dh, dh_from_chain
-from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.model.dh import DhRow, DhTable, chain_from_dh, dh_from_chain
 from kinematics.pose import from_rpy, transform
 from kinematics.robots import builtin_chain, builtin_urdf
 from kinematics.tree.description import (

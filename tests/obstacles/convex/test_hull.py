@@ -14,7 +14,7 @@ from obstacles.convex.closest_point import (
     nearest_on_triangle,
 )
 from obstacles.convex.growing_hull import hull_volumes
-from obstacles.convex.hull import convex_hull, corners_and_volume
+from obstacles.convex.piece import convex_hull, corners_and_volume
 from obstacles.convex.sphere_cover import cut_cell
 
 

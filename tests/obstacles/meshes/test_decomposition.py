@@ -10,12 +10,11 @@ import trimesh
 from scipy.optimize import nnls
 
 from kinematics.arrays import Array, Indices
-from obstacles.convex.hull import convex_hull
+from obstacles.convex.piece import convex_hull
 from obstacles.convex.triangles import Triangles
 from obstacles.kept_files import keep_files_in, written_files
 from obstacles.meshes import decomposition
-from obstacles.meshes.convex_cover import ConvexPart, cut_bodies
-from obstacles.meshes.decomposition import convex_pieces, overhang
+from obstacles.meshes.decomposition import ConvexPart, convex_pieces, cut_bodies, overhang
 from obstacles.meshes.plane_cut import (
     Surface,
     cheapest_cut,

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotDescription
 from kinematics.forward import joint_frames
-from kinematics.model.dh_table import Convention, DhRow, DhTable
+from kinematics.model.dh import Convention, DhRow, DhTable
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.dh_geometry import LinkSolid, dh_robot_geometry

@@ -32,9 +32,9 @@ from planning.constraints.kinds.constraint import (
     ConeConstraint,
     JointConstraint,
     OrientationConstraint,
+    PlaneRegion,
     PositionConstraint,
 )
-from planning.constraints.kinds.region import PlaneRegion
 from planning.constraints.row import Column
 from planning.options import Options
 from planning.planner import Ready

@@ -19,15 +19,16 @@ from planning.constrained import ik
 from planning.constrained.ik import Descents, IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import (
+    BoxRegion,
     ClearanceConstraint,
     ConeConstraint,
     JointConstraint,
     LookAtConstraint,
     PositionConstraint,
     RelativePoseConstraint,
+    SphereRegion,
     ToolSpeedConstraint,
 )
-from planning.constraints.kinds.region import BoxRegion, SphereRegion
 from planning.constraints.solvers.active_set import FEASIBLE, descend
 from planning.constraints.solvers.active_set_program import (
     LEAST_GAIN,

@@ -19,17 +19,20 @@ from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constrained.path_constraints import apply_path_constraints
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import (
+    BoxRegion,
     ClearanceConstraint,
     ConeConstraint,
     Constraint,
     Geometric,
     JointConstraint,
+    LineRegion,
     OrientationConstraint,
+    PlaneRegion,
     PositionConstraint,
+    SphereRegion,
     ToolSpeedConstraint,
     TorqueConstraint,
 )
-from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
 from planning.field.options import FieldOptions
 from planning.field.planner import potential_field
 from planning.options import Options

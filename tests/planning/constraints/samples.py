@@ -6,15 +6,18 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from planning.constraints.kinds.constraint import (
+    BoxRegion,
     ConeConstraint,
     Geometric,
     JointConstraint,
+    LineRegion,
     LookAtConstraint,
     OrientationConstraint,
+    PlaneRegion,
     PositionConstraint,
     RelativePoseConstraint,
+    SphereRegion,
 )
-from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
 from tests.kinematics.samples import random_rotation
 
 

@@ -26,18 +26,21 @@ from planning.constraints.edge_bounds import (
     expand_kernel,
 )
 from planning.constraints.kinds.constraint import (
+    BoxRegion,
     ClearanceConstraint,
     ConeConstraint,
     Constraint,
     JointConstraint,
+    LineRegion,
     LookAtConstraint,
     OrientationConstraint,
+    PlaneRegion,
     PositionConstraint,
     RelativePoseConstraint,
+    SphereRegion,
     ToolSpeedConstraint,
     TorqueConstraint,
 )
-from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
 from planning.constraints.row import Column
 from tests.dynamics.samples import random_chain
 from tests.kinematics.samples import random_rotation

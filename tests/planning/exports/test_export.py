@@ -15,8 +15,7 @@ from scipy.interpolate import BPoly, PPoly
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
-from kinematics.trajectory.interpolation import interpolate
-from kinematics.trajectory.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory, interpolate
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.exports.corners import lever_arms

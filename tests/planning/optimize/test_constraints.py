@@ -10,8 +10,12 @@ from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.kinds.constraint import ConeConstraint, PositionConstraint
-from planning.constraints.kinds.region import LineRegion, SphereRegion
+from planning.constraints.kinds.constraint import (
+    ConeConstraint,
+    LineRegion,
+    PositionConstraint,
+    SphereRegion,
+)
 from planning.optimize import objective
 from planning.optimize.iterate import Iterate, fit_spline
 from planning.optimize.scp import Descent

@@ -6,9 +6,9 @@ from scipy.optimize import linprog, nnls
 from scipy.sparse import csc_matrix, csr_matrix
 
 from kinematics.arrays import Array
+from planning.optimize.linearization import Rows
 from planning.optimize.program import Limits, solve
 from planning.optimize.quadratic import Quadratic
-from planning.optimize.rows import Rows
 from planning.optimize.spline import SplineSpace
 
 WIDE = np.full(3, np.inf)

@@ -11,8 +11,7 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import JointConstraint
 from planning.optimize import objective
 from planning.optimize.iterate import Iterate
-from planning.optimize.linearization import tool_speed, torques
-from planning.optimize.rows import local_matrix
+from planning.optimize.linearization import local_matrix, tool_speed, torques
 from planning.values.optimize_options import Objective
 from tests.planning.optimize.motions import PANDA, SPACE, iterate, packed, task, unpacked
 from tests.planning.pinocchio_arm import PinocchioArm

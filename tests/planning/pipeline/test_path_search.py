@@ -19,9 +19,9 @@ from planning.clearance import time_shortcut
 from planning.options import Options
 from planning.pipeline import path_search
 from planning.pipeline.diagnosis import Diagnosis, diagnose
+from planning.pipeline.moving_start import with_stops
 from planning.pipeline.optimize_stage import first_touch
 from planning.pipeline.pipeline import plan
-from planning.pipeline.stoppable import with_stops
 from planning.planner import Ready
 from planning.problem import JointGoal, Problem
 from planning.result import Failure, Plan

@@ -18,8 +18,8 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import JointConstraint
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline import pipeline
+from planning.pipeline.path_search import CASCADE, PLANNERS, choose_planners
 from planning.pipeline.pipeline import plan
-from planning.pipeline.planners import CASCADE, PLANNERS, choose_planners
 from planning.planner import Query, Ready
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Attempt, Failure, Plan

@@ -24,12 +24,12 @@ from obstacles.shapes.shape import Box, Sphere
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.planner import ENOUGH, TOUCHING, Ready
-from planning.preflight import failures
-from planning.preflight.failures import (
+from planning.preflight import goals as failures
+from planning.preflight.goals import (
     collision_failure,
+    find_goals,
     nearest_free,
 )
-from planning.preflight.goals import find_goals
 from planning.preflight.limits import (
     goal_onto_limits,
     moved_note,

@@ -8,8 +8,7 @@ import pytest
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import transform
-from kinematics.trajectory.interpolation import interpolate
-from kinematics.trajectory.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory, interpolate
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene

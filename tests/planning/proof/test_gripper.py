@@ -17,8 +17,7 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
-from planning.proof.certificate import Certificate
-from planning.proof.gripper import certify_gripper
+from planning.proof.certificate import Certificate, certify_gripper
 from planning.values.deadline import Deadline
 from planning.values.finger_motion import FingerMotion, least_duration
 

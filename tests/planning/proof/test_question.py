@@ -9,8 +9,7 @@ import pytest
 
 import armwright as aw
 from kinematics.arrays import Array
-from kinematics.trajectory.interpolation import interpolate
-from kinematics.trajectory.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory, interpolate
 from obstacles.robots.attachment import Attachment, hold
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.scenes.scene import Obstacle, Scene

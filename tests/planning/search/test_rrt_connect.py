@@ -23,8 +23,8 @@ from planning.search.rrt_connect import (
     TreePairs,
     find_narrow_passage,
     rrt_connect,
+    straight_line,
 )
-from planning.search.straight_line import straight_line
 from planning.search.trees import (
     Draws,
     Growth,

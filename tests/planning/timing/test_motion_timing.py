@@ -17,7 +17,7 @@ from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.proof import certificate
 from planning.proof.certificate import Certificate
-from planning.proof.violation import Violation
+from planning.proof.limits.limit_uses import Violation
 from planning.result import Failure, Plan
 from planning.timing import motion_timing
 from planning.timing.options import Payload, TimingOptions

@@ -11,7 +11,7 @@ from kinematics.errors import InvalidGoal
 from kinematics.pose import from_axis_angle, transform
 from planning.options import CartesianOptions, ToolMotionOptions
 from planning.tool_motions.tool_corner import part_of
-from planning.tool_paths.motions import repairs, tool_motion, tool_motions
+from planning.tool_paths.planner import repairs, tool_motion, tool_motions
 
 START = transform(None, [0.4, 0.0, 0.4])
 

@@ -22,7 +22,7 @@ from planning.tool_motions.tool_corner import ToolCorner, ToolCurve, rounded_cor
 from planning.tool_motions.tool_motion import ToolMotion, arc_via, line
 from planning.tool_motions.tool_path import Tolerances, ToolRun
 from planning.tool_paths.blending import runs
-from planning.tool_paths.motions import INSTANTS, tool_reference
+from planning.tool_paths.planner import INSTANTS, tool_reference
 from planning.tool_paths.tool_deviation import pieces_within, places_at, tool_deviations
 from planning.tool_paths.tool_following import follow
 from planning.values.deadline import Deadline

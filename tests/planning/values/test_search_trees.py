@@ -7,7 +7,7 @@ import pytest
 
 from obstacles.collision.fcl_distance import FclWorld
 from planning.options import Options
-from planning.pipeline.planners import CASCADE
+from planning.pipeline.path_search import CASCADE
 from planning.planner import Planner
 from planning.sampling.search import OmplPlanner
 from planning.search.rrt_connect import RrtConnect

@@ -4,20 +4,20 @@ import hashlib
 
 import pytest
 
-from service.access import secret
-from service.access.caller import needed_scope
+from service.access import authentication
+from service.access.authentication import needed_scope
 from service.access.rate_limit import WINDOW, RateLimiter
 from service.app import create_app
 from service.settings import Settings
 
 
 def test_a_key_has_256_random_bits_and_is_read_back() -> None:
-    made = [secret.new_credentials() for _ in range(100)]
+    made = [authentication.new_credentials() for _ in range(100)]
     assert len({credentials.secret for credentials in made}) == 100
     assert len({credentials.id for credentials in made}) == 100
     for credentials in made:
         assert len(bytes.fromhex(credentials.secret)) == 32
-        assert secret.parse(str(credentials)) == credentials
+        assert authentication.parse(str(credentials)) == credentials
         assert str(credentials) == f"aw_{credentials.id}_{credentials.secret}"
 
 
@@ -28,15 +28,15 @@ def test_a_key_has_256_random_bits_and_is_read_back() -> None:
      "aw_0123456789ab_" + "0" * 64 + "\n", " aw_0123456789ab_" + "0" * 64],
 )  # fmt: skip
 def test_another_form_is_no_key(text: str) -> None:
-    assert secret.parse(text) is None
+    assert authentication.parse(text) is None
 
 
 def test_only_the_digest_fits() -> None:
-    made = secret.new_credentials()
-    stored = secret.digest(made.secret)
+    made = authentication.new_credentials()
+    stored = authentication.digest(made.secret)
     assert stored == hashlib.sha256(made.secret.encode("ascii")).hexdigest()
-    assert secret.fits(made.secret, stored)
-    assert not secret.fits(secret.new_credentials().secret, stored)
+    assert authentication.fits(made.secret, stored)
+    assert not authentication.fits(authentication.new_credentials().secret, stored)
     assert made.secret not in stored
 
 

@@ -22,8 +22,7 @@ from armwright_wire.pose import Pose
 from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.pose import inverse
 from service.endpoints.export.task import export
-from service.endpoints.plans.program import swept
-from service.endpoints.plans.view import view
+from service.endpoints.plans.view import swept, view
 from service.endpoints.tasks.task import plan_sequence
 from service.endpoints.tours.task import tour
 from service.storage.caches.cache_key import builtin_reference

@@ -11,8 +11,8 @@ from service.http.layer import admission as admission_module
 from service.http.layer.admission import Admission, named_timeout
 from service.http.request_headers import FIELDS, first_values
 from service.settings import Settings
-from service.workers.faults import QueueFull
 from service.workers.load import InFlight
+from service.workers.state import QueueFull
 
 SETTINGS = Settings(default_timeout=10.0, max_timeout=60.0)
 IK = "/v1/robots/ur5e/ik"

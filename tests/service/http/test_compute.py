@@ -11,8 +11,8 @@ from fastapi import Request
 from service.http.compute import allowed_time, compute
 from service.http.layer.request_checks import ARRIVAL
 from service.http.state import DRY_RUN, JOB_CONTEXT, DeferToJob, JobContext
-from service.problem import ProblemError
 from service.settings import Settings
+from service.validation import ProblemError
 from service.workers.process import Background
 from service.workers.task import Job
 from tests.service import chores

@@ -19,7 +19,7 @@ from service.http.errors import (
     problem_response,
     status_of,
 )
-from service.problem import ProblemError, from_fields, unexpected_fault
+from service.validation import ProblemError, from_fields, unexpected_fault
 from tests.service.robots import FIELDS
 
 #: Of the contract, by code.

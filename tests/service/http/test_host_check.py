@@ -19,8 +19,8 @@ from service.http.json_route import JsonRequest, prefers_async, require_json
 from service.http.keeping import answer_digest, differences
 from service.http.layer.request_checks import allowed_host, is_foreign
 from service.http.request_headers import FIELDS, check_precondition, first_values
-from service.problem import ProblemError
 from service.storage.store import Store
+from service.validation import ProblemError
 from tests.service.jobs.stored import opened
 from tests.service.robots import answer, problem
 

@@ -13,7 +13,7 @@ from service.http.errors import status_of
 from service.http.layer import request_checks
 from service.http.layer.request_checks import ARRIVAL, BodyLimits, read_body
 from service.http.request_headers import FIELDS, first_values
-from service.problem import ProblemError
+from service.validation import ProblemError
 
 SIZE = 10
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from service.endpoints.batch import task
 from service.http.state import JOB_CONTEXT
-from service.jobs.agent_jobs import AgentJobs
 from service.jobs.execution import BATCH_PATH
+from service.jobs.runner import AgentJobs
 from service.settings import Settings
 from service.storage.store import Store, open_store
 from service.workers.load import Durations

@@ -9,13 +9,13 @@ from typing import Any
 import psycopg
 import pytest
 
-from service.access.caller import Caller
+from service.access.authentication import Caller
 from service.http.state import JobContext
-from service.jobs.agent_jobs import AgentJobs
 from service.jobs.execution import BATCH_PATH
+from service.jobs.runner import AgentJobs
 from service.storage.messages import waiting_messages
 from service.storage.stores.job_store import JobAnswer, JobRecord, StoredRequest
-from service.workers.faults import JobsFull
+from service.workers.state import JobsFull
 from tests.service.jobs.agents import Machine, run
 from tests.service.jobs.loop import until
 from tests.service.jobs.stored import REQUEST
@@ -28,12 +28,12 @@ def _short_periods(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"{module}.HEARTBEAT", 0.1)
     monkeypatch.setattr("service.storage.stores.server_store.LIFETIME", 0.6)
     monkeypatch.setattr("service.jobs.engine.LIFETIME", 0.6)
-    monkeypatch.setattr("service.jobs.agent_jobs.DRAIN", 0.2)
+    monkeypatch.setattr("service.jobs.runner.DRAIN", 0.2)
     monkeypatch.setattr("service.jobs.engine._POLLING", 0.05)
     monkeypatch.setattr("service.jobs.engine._RETRY", 0.1)
     monkeypatch.setattr("service.jobs.engine._RECONNECTION", 0.1)
     monkeypatch.setattr("service.jobs.execution._SHARING_PERIOD", 0.05)
-    monkeypatch.setattr("service.jobs.live_job._POLL_PERIOD", 0.05)
+    monkeypatch.setattr("service.jobs.execution._POLL_PERIOD", 0.05)
 
 
 async def ends(jobs: AgentJobs, ids: Sequence[str]) -> list[tuple[JobRecord, JobAnswer | None]]:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.jobs.batch import Parts, joined_answer
-from service.storage.stores.queue_store import ChunkAnswer
+from service.storage.stores.job_store import ChunkAnswer
 from service.workers.result import BatchItem
 from tests.service.conftest import Served
 from tests.service.jobs.requests import (

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from service.jobs.runner import Jobs
-from service.problem import ProblemError
 from service.settings import Settings
 from service.storage.store import open_store
+from service.validation import ProblemError
 from tests.service.jobs.loop import App, ended, until
 from tests.service.jobs.stored import REQUEST
 from tests.service.postgresql import PostgreSQL
@@ -22,7 +22,7 @@ def _short_periods(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.storage.stores.server_store.LIFETIME", 0.6)
     monkeypatch.setattr("service.jobs.execution.HEARTBEAT", 0.1)
     monkeypatch.setattr("service.jobs.execution._SHARING_PERIOD", 0.05)
-    monkeypatch.setattr("service.jobs.live_job._POLL_PERIOD", 0.05)
+    monkeypatch.setattr("service.jobs.execution._POLL_PERIOD", 0.05)
 
 
 def run(url: str, folder: Path, scenario: Scenario) -> None:

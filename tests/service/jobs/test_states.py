@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from service.jobs.live_job import Event, LiveJob, describe
+from service.jobs.execution import Event, LiveJob, describe
 from service.jobs.runner import Jobs
-from service.problem import ProblemError
 from service.storage.store import Store
 from service.storage.stores.job_store import ENDED, JobAnswer, Status, StoredRequest
-from service.workers.faults import JobsFull, ShuttingDown
+from service.validation import ProblemError
+from service.workers.state import JobsFull, ShuttingDown
 from tests.service.commands import serve
 from tests.service.conftest import Served
 from tests.service.jobs.loop import App, ended, run, until

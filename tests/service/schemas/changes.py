@@ -6,8 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from service.problem import ProblemError
-from service.validation import validate_as
+from service.validation import ProblemError, validate_as
 
 #: Steps from a body to a value in it.
 Path = tuple[str | int, ...]

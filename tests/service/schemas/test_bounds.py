@@ -8,8 +8,7 @@ import pytest
 from pydantic import BaseModel
 
 from armwright_wire.base import MAX_BATCH, MAX_COORDINATE, MAX_JOINTS, MAX_NUMBER
-from armwright_wire.goals.constraint import MAX_CONSTRAINTS
-from armwright_wire.goals.goal import MAX_GOALS
+from armwright_wire.goals.goal import MAX_CONSTRAINTS, MAX_GOALS
 from armwright_wire.goals.tool_motion import MAX_TIMED_MOTIONS, TimedToolMotions
 from armwright_wire.motions.retime import MAX_WAYPOINTS, ConvertRequest, RetimeRequest
 from armwright_wire.motions.simulation import SimulateRequest

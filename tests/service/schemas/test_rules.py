@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from armwright_wire.goals.constraint import OrientationConstraint
-from armwright_wire.goals.goal import Goal
+from armwright_wire.goals.goal import Goal, OrientationConstraint
 from armwright_wire.goals.tool_motion import TimedToolMotions, ToolMotion, cartesian_options
 from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
 from armwright_wire.motions.simulation import SimulateRequest

@@ -19,10 +19,16 @@ from armwright_wire.scenes.check import CheckRequest
 from kinematics.errors import InvalidPose
 from kinematics.rounding import check_axis_length, check_quaternion_norm, check_rotation
 from obstacles.robots.tool import SIZES
-from planning.pipeline.planners import PLANNERS
+from planning.pipeline.path_search import PLANNERS
 from planning.values.preferences import DEFAULT_PREFERRED, MAX_PREFERRED, GoalCosts
-from service.problem import ProblemError
-from service.validation import MAX_FIELDS, MAX_OBJECT_FIELDS, field_path, parse_json, validate_as
+from service.validation import (
+    MAX_FIELDS,
+    MAX_OBJECT_FIELDS,
+    ProblemError,
+    field_path,
+    parse_json,
+    validate_as,
+)
 
 SPHERE = {"id": "a", "shape": {"type": "sphere", "radius": -1.0}, "pose": {"position": [0, 0, 0]}}
 

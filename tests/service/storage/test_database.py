@@ -15,16 +15,15 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import Connection, create_engine, inspect, text
 
-import service.storage.migrations as migrations_module
 import service.storage.stores.idempotency_store as idempotency_store_module
+import service.storage.tables as migrations_module
 from service.http.errors import status_of
-from service.problem import ProblemError
 from service.storage.database import Database, FileLock, FileLocked, StorageUnavailable, StoreError
-from service.storage.migrations import MIGRATIONS
 from service.storage.store import open_store
 from service.storage.stores.idempotency_store import IdempotencyKey
 from service.storage.stores.job_store import StoredRequest
-from service.storage.tables import METADATA, REVISIONS
+from service.storage.tables import METADATA, MIGRATIONS, REVISIONS
+from service.validation import ProblemError
 from tests.service.postgresql import PostgreSQL
 
 INSERT = text(

@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from service.http.errors import status_of
-from service.problem import ProblemError
 from service.storage.caches.cache_key import Kind, Reference, builtin_reference
 from service.storage.caches.prepared_files import document_hash
 from service.storage.robot_repository import RobotRepository, is_built_in
@@ -22,6 +21,7 @@ from service.storage.stores.plan_store import (
     PlanStore,
     Retention,
 )
+from service.validation import ProblemError
 from tests.service.jobs.stored import REQUEST
 from tests.service.jobs.stored import record as job_record
 

@@ -8,11 +8,11 @@ import pytest
 from sqlalchemy import insert
 
 from service.http.errors import status_of
-from service.problem import ProblemError
 from service.storage.database import StorageUnavailable
 from service.storage.store import Store, open_store
 from service.storage.stores.idempotency_store import IdempotencyKey, Recorded, keep_answer
 from service.storage.tables import servers
+from service.validation import ProblemError
 
 KEY = IdempotencyKey("k", "POST /x")
 ANSWER = Recorded(201, {"location": "/y"}, b"{}")

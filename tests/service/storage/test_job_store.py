@@ -10,14 +10,24 @@ from sqlalchemy import select, text
 from sqlalchemy.exc import IntegrityError
 
 from service.jobs.engine import engine_schema, require_engine
-from service.problem import ProblemError
 from service.storage import messages
 from service.storage.database import StoreError
 from service.storage.store import Store, open_store
 from service.storage.stores.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
-from service.storage.stores.job_store import ENDED, STATUSES, JobAnswer, JobRecord, JobStore, Status
-from service.storage.stores.queue_store import AGENTS, Chunk, ChunkAnswer, batch_of
+from service.storage.stores.job_store import (
+    AGENTS,
+    ENDED,
+    STATUSES,
+    Chunk,
+    ChunkAnswer,
+    JobAnswer,
+    JobRecord,
+    JobStore,
+    Status,
+    batch_of,
+)
 from service.storage.stores.server_store import HEARTBEAT, LIFETIME, now
+from service.validation import ProblemError
 from tests.service.jobs.stored import REQUEST, record
 from tests.service.postgresql import PostgreSQL
 

@@ -10,7 +10,7 @@ import pytest
 from pydantic import TypeAdapter
 from pydantic_core import to_json
 
-from armwright_wire.goals.constraint import Constraints, ConstraintUse
+from armwright_wire.goals.goal import Constraints, ConstraintUse
 from armwright_wire.scenes.scene import Scene
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidLinkName
@@ -20,10 +20,10 @@ from kinematics.robots import builtin_chain
 from planning.constraints.kinds.constraint import JointConstraint
 from planning.proof.certificate import Certificate, Proved
 from planning.proof.constraints.constraints import ConstraintReport
+from planning.proof.limits.limit_uses import Violation
 from planning.proof.limits.limits import LimitReport
 from planning.proof.premises import Premises
 from planning.proof.tool.tool_deviation import PathDeviation
-from planning.proof.violation import Violation
 from service.translate.certificates import certificate_answer
 from service.translate.constraints import constraint_set, uses
 

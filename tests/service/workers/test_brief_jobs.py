@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from service.workers.faults import DeadlineExceeded, QueueFull, WorkerCrashed
+from service.workers.state import DeadlineExceeded, QueueFull, WorkerCrashed
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.workers.pools import chore, supervised, working
 

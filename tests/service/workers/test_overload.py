@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from service.http.errors import headers_of, status_of
-from service.workers.faults import DeadlineExceeded, QueueFull, WorkerCrashed
 from service.workers.process import Background
+from service.workers.state import DeadlineExceeded, QueueFull, WorkerCrashed
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.processes import working_pids
 from tests.service.workers.pools import chore, ready, supervised, supervisor, working

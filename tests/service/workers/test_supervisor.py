@@ -16,10 +16,10 @@ import pytest
 
 from planning.values.deadline import Deadline
 from service.http.errors import document, headers_of, status_of
-from service.problem import ProblemError
 from service.storage.caches.cache_key import builtin_reference
-from service.workers.faults import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
+from service.validation import ProblemError
 from service.workers.result import CacheMiss, TaskProblem
+from service.workers.state import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
 from service.workers.supervisor import WorkerSupervisor
 from service.workers.task import Job, load_tasks, registered_task
 from tests.service import chores

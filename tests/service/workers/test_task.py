@@ -12,18 +12,18 @@ import pytest
 from planning.values.deadline import Deadline
 from service.endpoints.plan.task import plan, validate
 from service.http.errors import document, headers_of, status_of
-from service.problem import ProblemError
 from service.storage.caches.cache_key import Reference, builtin_reference
-from service.workers.faults import (
+from service.validation import ProblemError
+from service.workers.load import FairQueue
+from service.workers.process import Ticket
+from service.workers.result import PlanOutcome
+from service.workers.state import (
     DeadlineExceeded,
     JobsFull,
     QueueFull,
     ShuttingDown,
     WorkerCrashed,
 )
-from service.workers.load import FairQueue
-from service.workers.process import Ticket
-from service.workers.result import PlanOutcome
 from service.workers.task import (
     GRACE,
     NEVER,

@@ -7,9 +7,9 @@ import time
 
 import pytest
 
-from service.problem import ProblemError
-from service.workers.faults import DeadlineExceeded
+from service.validation import ProblemError
 from service.workers.process import Memory, WorkerLimits
+from service.workers.state import DeadlineExceeded
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.workers.pools import chore, ready, supervised, supervisor, working
 

@@ -15,8 +15,8 @@ from studio.page import entries_panel, robot_panel, task_panels
 from studio.page.panel import Text, escaped
 from studio.page.robot_panel import facts
 from studio.page.studio_page import serve_page
-from studio.result import Branch, Failure, Verdict
 from studio.settings_form import EntryForms
+from studio.state import Branch, Failure, Verdict
 from studio.workbench import Workbench
 from tests.service.viewer.browser import browsing
 

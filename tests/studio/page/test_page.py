@@ -14,7 +14,7 @@ from websockets.sync.client import connect
 from armwright_client import Box, Client, Pose
 from studio.page.studio_page import StudioPage, is_own, serve_page
 from studio.pose import rotation
-from studio.result import TaskPlanned
+from studio.state import TaskPlanned
 from studio.workbench import Workbench
 from tests.service.processes import wait_until
 from tests.service.viewer.browser import browsing

@@ -11,12 +11,10 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
-from kinematics.trajectory.interpolation import interpolate
-from kinematics.trajectory.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory, interpolate
 from tests.dynamics.samples import cart_pendulum, planar_rr, random_chain
-from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.controller import Reference
-from tracking.controllers.model_based import Passivity
+from tracking.controllers.model_based import Adaptive, Passivity
 from tracking.simulation.references import sine
 from tracking.simulation.simulation import SimulationOptions, simulate
 

@@ -14,11 +14,15 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState
 from tests.dynamics.samples import planar_rr, random_chain
 from tests.tracking.samples import constant, linear_response, slider, smooth
-from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.controller import Flow, LawController, Reference
 from tracking.controllers.gain import commute, gain_matrix, gain_vector
-from tracking.controllers.independent_joint import IndependentJoint
-from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
+from tracking.controllers.model_based import (
+    Adaptive,
+    ComputedTorque,
+    IndependentJoint,
+    Passivity,
+    PdGravity,
+)
 from tracking.simulation.simulation import SimulationOptions, simulate
 
 FINE = SimulationOptions(relative_tolerance=1e-10, absolute_tolerance=1e-12, saturate=False)

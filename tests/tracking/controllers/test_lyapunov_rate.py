@@ -11,11 +11,15 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from tests.dynamics.samples import random_chain
 from tests.tracking.samples import constant, smooth
-from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.control_law import Kind
 from tracking.controllers.controller import Controller, Reference
-from tracking.controllers.independent_joint import IndependentJoint
-from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
+from tracking.controllers.model_based import (
+    Adaptive,
+    ComputedTorque,
+    IndependentJoint,
+    Passivity,
+    PdGravity,
+)
 from tracking.simulation import callback
 from tracking.simulation.result import SimulationResult
 from tracking.simulation.setup import prepare

@@ -15,11 +15,16 @@ from kinematics.model.chain import Chain, Inertia
 from kinematics.robots import builtin_chain
 from tests.dynamics.samples import planar_rr, random_chain
 from tests.tracking.samples import constant, slider, smooth
-from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.control_law import Kind
 from tracking.controllers.controller import Controller
-from tracking.controllers.independent_joint import IndependentJoint, effective_inertia
-from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
+from tracking.controllers.model_based import (
+    Adaptive,
+    ComputedTorque,
+    IndependentJoint,
+    Passivity,
+    PdGravity,
+    effective_inertia,
+)
 from tracking.simulation import callback
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
 from tracking.simulation.result import SimulationOutcome

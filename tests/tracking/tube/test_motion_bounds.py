@@ -7,7 +7,7 @@ from scipy.interpolate import BPoly, CubicHermiteSpline
 
 from kinematics.model.chain import Limits
 from tests.tracking.samples import constant, slider
-from tracking.controllers.independent_joint import IndependentJoint
+from tracking.controllers.model_based import IndependentJoint
 from tracking.simulation.simulation import SimulationOptions, simulate
 from tracking.tube.motion_bounds import (
     MotionBounds,

@@ -9,8 +9,7 @@ from kinematics.ik.closed_form.arm_parts import ArmSides, arm_sides, out_of_reac
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.numeric.numeric import Axis, SearchOptions, solve
 from kinematics.jacobian import geometric
-from kinematics.model.dh import chain_from_dh
-from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.model.dh import DhRow, DhTable, chain_from_dh
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain
 

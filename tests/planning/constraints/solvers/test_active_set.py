@@ -10,16 +10,16 @@ from scipy.optimize import OptimizeResult, linprog, minimize, nnls
 
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from kinematics.model.dh import chain_from_dh
-from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.model.dh import DhRow, DhTable, chain_from_dh
 from obstacles.collision.checker import Checker, collision_model
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import (
     ConeConstraint,
     JointConstraint,
+    PlaneRegion,
     PositionConstraint,
+    SphereRegion,
 )
-from planning.constraints.kinds.region import PlaneRegion, SphereRegion
 from planning.constraints.solvers.active_set import (
     FEASIBLE,
     descend,

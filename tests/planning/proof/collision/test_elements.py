@@ -14,7 +14,7 @@ from obstacles.convex.piece import PieceArrays, PieceKind
 from obstacles.distance.bvh import BOX, FIRST, SKIP, Tree, tree
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box
-from planning.proof.collision import elements, link_boxes, pair_table
+from planning.proof.collision import elements, mesh_solids, pair_table
 from planning.proof.collision.box_tree import (
     BrokenTree,
     check_nodes,
@@ -251,7 +251,7 @@ SCENE = Scene((Obstacle("box", Box(np.full(3, 0.2)), np.eye(4) + np.eye(4, k=3) 
 def forget() -> None:
     """Forget what was packed with boxes about links, or without."""
     kept = (
-        link_boxes.link_parts, link_boxes.part_pairs, pair_table._own, pair_table._asked_rows,
+        mesh_solids.link_parts, mesh_solids.part_pairs, pair_table._own, pair_table._asked_rows,
         pair_table._asked_of_pieces, pair_table._roots, pair_table._arrays,
     )  # fmt: skip
     for function in kept:
@@ -322,7 +322,7 @@ def test_motions_are_proved_as_without_boxes(
         proof.run()
         forget()
         with monkeypatch.context() as without:
-            without.setattr(link_boxes, "_FEW", len(ARM.pieces))
+            without.setattr(mesh_solids, "_FEW", len(ARM.pieces))
             plain = CollisionProof(motion, ARM, SCENE, 0.0, None)
             plain.run()
         forget()

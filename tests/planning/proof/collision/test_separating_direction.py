@@ -30,7 +30,7 @@ from planning.proof.collision.proposals import (
 )
 from planning.proof.collision.separating_direction import direction, gap, highest, rounding_bound
 from planning.proof.collision.sweep_state import Sweep, pop_interval
-from planning.proof.violation import Violation
+from planning.proof.limits.limit_uses import Violation
 from tests.obstacles.arms import cup, mesh_shape
 from tests.obstacles.collision.model.test_collision_model import mixed
 from tests.obstacles.outline import convex_shapes

@@ -20,15 +20,15 @@ from planning.constraints.kinds.constraint import (
     Geometric,
     JointConstraint,
     PositionConstraint,
+    SphereRegion,
     ToolSpeedConstraint,
     TorqueConstraint,
 )
-from planning.constraints.kinds.region import SphereRegion
 from planning.constraints.row import Row
-from planning.proof.constraints import residual_row
+from planning.proof.constraints import rotation_bounds
 from planning.proof.constraints.constraint_limits import constrained_efforts, constrained_margin
 from planning.proof.constraints.constraints import check_motion
-from planning.proof.constraints.residual_row import (
+from planning.proof.constraints.rotation_bounds import (
     AXIS,
     CARRIER,
     CENTER,
@@ -329,7 +329,7 @@ def test_columns_do_not_overlap() -> None:
               "DIRECTION": 3, "LOWER": 1, "UPPER": 1, "TURN": 9}  # fmt: skip
     at = 0
     for name, width in widths.items():
-        assert getattr(residual_row, name) == at
+        assert getattr(rotation_bounds, name) == at
         at += width
     assert at == WIDTH
 

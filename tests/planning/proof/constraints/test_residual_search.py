@@ -17,20 +17,13 @@ from planning.constraints.kinds.constraint import (
     ConeConstraint,
     Geometric,
     JointConstraint,
+    LineRegion,
     LookAtConstraint,
     OrientationConstraint,
+    PlaneRegion,
     PositionConstraint,
     RelativePoseConstraint,
-)
-from planning.constraints.kinds.region import LineRegion, PlaneRegion, SphereRegion
-from planning.proof.constraints.residual_row import (
-    AXIS,
-    CARRIER,
-    LOWER,
-    REFERENCE,
-    TURN,
-    UPPER,
-    WIDTH,
+    SphereRegion,
 )
 from planning.proof.constraints.residual_search import (
     LEAST_GAP,
@@ -40,7 +33,17 @@ from planning.proof.constraints.residual_search import (
     Verdict,
     bound_residuals,
 )
-from planning.proof.constraints.rotation_bounds import rotation_bounds, rotation_log
+from planning.proof.constraints.rotation_bounds import (
+    AXIS,
+    CARRIER,
+    LOWER,
+    REFERENCE,
+    TURN,
+    UPPER,
+    WIDTH,
+    rotation_bounds,
+    rotation_log,
+)
 from planning.proof.relative_motion import RelativeMotion
 from tests.planning.constraints.samples import some_of_each
 from tests.planning.pinocchio_arm import PinocchioArm

@@ -23,11 +23,11 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import (
     ConeConstraint,
     Constraint,
+    PlaneRegion,
     PositionConstraint,
     ToolSpeedConstraint,
     TorqueConstraint,
 )
-from planning.constraints.kinds.region import PlaneRegion
 from planning.options import CartesianOptions, Options
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.timing.options import TimingOptions

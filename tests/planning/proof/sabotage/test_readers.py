@@ -12,7 +12,7 @@ import pytest
 from kinematics import pose
 from kinematics.arrays import Array
 from kinematics.pose import from_axis_angle
-from kinematics.urdf import links
+from kinematics.urdf import urdf
 from obstacles.meshes import collada, mesh
 from obstacles.scenes import scene
 from tests.planning.proof.sabotage.box_gaps import box_gaps
@@ -67,7 +67,7 @@ FAULTS: dict[str, tuple[Callable[..., Any], Callable[..., Any], str]] = {
     "rotations of few digits one millimetre off": (scene._rigid, _rounded, "scene"),
     "scales not obeyed": (mesh.scaled, _unscaled, "both"),
     "units not obeyed": (collada._unit, lambda true, root: 1.0, "scene"),
-    "origins turned the other way": (links.read_origin, _turned, "robot"),
+    "origins turned the other way": (urdf.read_origin, _turned, "robot"),
     "faces of other corners": (mesh.plain_obj, _wrong_square, "both"),
     "quaternions read as w, x, y, z": (pose.from_quaternion, _scalar_first, "scene"),
 }

@@ -14,11 +14,11 @@ from kinematics.pose import from_axis_angle, transform
 from obstacles.scenes.scene import Scene
 from planning.options import CartesianOptions, Options
 from planning.pipeline import pipeline
+from planning.pipeline.path_search import with_reserve
 from planning.pipeline.pipeline import plan
-from planning.pipeline.planners import with_reserve
 from planning.problem import PoseGoal, Problem
 from planning.proof.certificate import certify
-from planning.proof.violation import Violation
+from planning.proof.limits.limit_uses import Violation
 from planning.result import Failure, Plan
 from planning.timing.options import TimingOptions
 from planning.tool_motions.tool_tolerance import (

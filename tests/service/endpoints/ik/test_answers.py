@@ -21,15 +21,15 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import ClearanceConstraint
 from service.endpoints.attached_objects import RobotInScene
 from service.endpoints.ik import task
-from service.endpoints.ik.answers import (
+from service.endpoints.ik.constrained import _too_near
+from service.endpoints.ik.task import (
+    CollisionCheck,
     all_in_collision,
     combined_answer,
     convergence_problem,
     solution_answer,
     trace_answer,
 )
-from service.endpoints.ik.constrained import _too_near
-from service.endpoints.ik.task import CollisionCheck
 from service.storage.caches.cache_key import builtin_reference
 from service.workers.result import TaskProblem
 from tests.planning.scenes import HOME, box, builtin

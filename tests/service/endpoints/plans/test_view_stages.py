@@ -12,8 +12,7 @@ from armwright_wire.plans.tour import TourAnswer
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, joint_frames
 from kinematics.robots import builtin_chain
-from service.endpoints.plans.program import swept
-from service.endpoints.plans.view import view
+from service.endpoints.plans.view import swept, view
 from service.endpoints.tasks.task import plan_sequence
 from service.endpoints.tours.task import tour
 from tests.service.endpoints.ask import PANDA, PLANAR, answer_of, problem_of

@@ -19,8 +19,8 @@ from dynamics.terms import mass_matrix
 from kinematics.errors import ArmwrightError, InvalidOption, InvalidRobotState
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
-from service.endpoints.simulate.controllers import controller
 from service.endpoints.simulate.translation import (
+    controller,
     disturbance,
     initial_state,
     noise,
@@ -28,9 +28,13 @@ from service.endpoints.simulate.translation import (
     robot_and_model,
     simulation_answer,
 )
-from tracking.controllers.adaptive import Adaptive
-from tracking.controllers.independent_joint import IndependentJoint
-from tracking.controllers.model_based import ComputedTorque, Passivity, PdGravity
+from tracking.controllers.model_based import (
+    Adaptive,
+    ComputedTorque,
+    IndependentJoint,
+    Passivity,
+    PdGravity,
+)
 from tracking.simulation.result import SimulationOutcome, SimulationResult
 from tracking.tube.motion_bounds import empty_bounds
 

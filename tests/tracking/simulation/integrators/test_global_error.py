@@ -13,10 +13,13 @@ from kinematics.model.chain import Chain, Inertia, Link
 from kinematics.trajectory.trajectory import Trajectory
 from tests.dynamics.samples import REVOLUTE, planar_rr, textbook
 from tests.tracking.samples import constant, slider
-from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.controller import Controller
-from tracking.controllers.independent_joint import IndependentJoint
-from tracking.controllers.model_based import ComputedTorque, PdGravity
+from tracking.controllers.model_based import (
+    Adaptive,
+    ComputedTorque,
+    IndependentJoint,
+    PdGravity,
+)
 from tracking.simulation.compiled import _loop, empty_record
 from tracking.simulation.integrators.explicit import ALL_STAGES, POWERS, Steps
 from tracking.simulation.integrators.global_error import (
