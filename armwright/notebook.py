@@ -11,6 +11,8 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.proof.certificate import certify
 from planning.result import Plan
+from planning.sequence.result import SequencePlan
+from planning.tours.result import Tour
 
 #: Height of a page inside of a notebook [pixels].
 _HEIGHT = 640
@@ -43,20 +45,28 @@ class Page:
 
 @typed
 def view(
-    plan: Plan | Trajectory, robot: RobotGeometry | None = None, scene: Scene | None = None
+    plan: Plan | Trajectory | Tour | SequencePlan,
+    robot: RobotGeometry | None = None,
+    scene: Scene | None = None,
 ) -> Page:
     """The page of a motion: the robot among its obstacles, curves, and the proof in words.
 
     Args:
-        plan: A plan, or a trajectory that is proved for the page.
+        plan: A plan, also of a seam; or a trajectory or tour that is proved for the page.
         robot: The robot with what it holds; that of the plan if left out.
         scene: The obstacles; those of the plan if left out, or none.
 
     Raises:
-        InvalidOption: A trajectory is given without its robot.
+        InvalidOption: A trajectory or tour is given without its robot; or a task, whose page is
+            made of its request and answer.
     """
     from service.viewer.document import motion_page  # noqa: PLC0415  seldom needed, and long
 
+    if isinstance(plan, SequencePlan):
+        raise InvalidOption(
+            "view: what a task carries is drawn from its request, which its plan does not tell",
+            hint="Keep both with `armwright task ... --whole done.json`, and `armwright view` it.",
+        )
     around = plan.surroundings if isinstance(plan, Plan) else None
     if around is not None and robot is None and scene is None:
         assert isinstance(plan, Plan)
@@ -65,11 +75,11 @@ def view(
         robot = around.robot if robot is None and around is not None else robot
         if robot is None:
             raise InvalidOption(
-                "view: a trajectory does not tell its robot",
-                hint="Give it: aw.view(motion, robot).",
+                "view: a trajectory or tour does not tell its robot",
+                hint="Give it: aw.view(motion, robot, scene).",
             )
         default = Scene() if around is None else around.scene
         scene = default if scene is None else scene
-        motion = plan.trajectory if isinstance(plan, Plan) else plan
+        motion = plan if isinstance(plan, Trajectory) else plan.trajectory
         certificate = certify(motion, robot, scene)
     return Page(robot.chain.name, motion_page(motion, certificate, robot, scene).decode())

@@ -1,6 +1,7 @@
 """Values as notebooks show them: pages, formulas, short texts."""
 
 import html
+import json
 import re
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from planning.sequence.result import SequencePlan
 
 HOME, AWAY = [0.0, 0.5], [0.6, 0.1]
 
@@ -43,6 +45,28 @@ def test_a_trajectory_is_proved_for_its_page(plan: aw.Plan) -> None:
     assert '"wall"' in aw.view(plan, scene=wall).html
     with pytest.raises(aw.ArmwrightError, match="does not tell its robot"):
         aw.view(plan.trajectory)
+
+
+def test_a_tour_is_drawn_whole_and_a_task_says_how_it_is() -> None:
+    robot, home = aw.load_robot("planar_rr"), np.array([0.0, 0.5])
+    goals = tuple(
+        aw.TourGoal(name, (aw.JointGoal(np.array([turn, 0.5])),), dwell=0.2)
+        for name, turn in (("a", 0.6), ("b", -0.4))
+    )
+    tour = aw.plan_tour(aw.TourProblem(robot, aw.Scene(), goals, home, "start"))
+    assert isinstance(tour, aw.Tour)
+    found = re.search(
+        r'type="application/json">(.*?)</script>', aw.view(tour, robot).html, re.DOTALL
+    )
+    assert found is not None
+    breaks = json.loads(found[1])["motion"]["breaks"]
+    assert breaks[-1] - breaks[0] == pytest.approx(tour.time, abs=1e-6)
+    with pytest.raises(aw.ArmwrightError, match="does not tell its robot"):
+        aw.view(tour)
+    task = SequencePlan((), 1.0, (), (), exhausted=False)
+    with pytest.raises(aw.ArmwrightError, match="task") as refused:
+        aw.view(task, robot)
+    assert "--whole" in str(refused.value.hint)
 
 
 def test_values_have_short_texts(plan: aw.Plan) -> None:
