@@ -190,6 +190,20 @@ def test_what_ended_a_descent_is_told_for_what_it_is(
     assert np.abs(result.joint_force).max() > 1e-3
 
 
+def test_slack_is_kept_from_what_a_descent_is_driven_against() -> None:
+    """The ball of 5 cm comes as near to a wall at 0.45 m as the slack lets it, and no nearer."""
+    robot, scene = slider(), Scene((box("wall", (0.1, 0.4, 0.4), (0.5, 0.0, 0.0)),))
+    options = FieldOptions(connect=False, longest_step=0.01, repulsive_weights=0.0)
+    start, goals = np.array([0.3, 0.0]), [np.array([0.9, 0.0])]
+    for slack in (0.0, 0.02):
+        checker = Checker(Checker.of(robot, scene).model, slack)
+        how = options, 0, Deadline.after(60.0)
+        found = potential_field(robot, checker, scene, start, goals, *how)
+        assert found.ending in ("blocked", "kink")
+        gaps = 0.4 - np.array(found.visited)[:, 0]
+        assert slack <= gaps.min() < slack + 1e-3
+
+
 def test_escapes_leave_minima_and_repeat_for_a_seed() -> None:
     robot, scene = builtin("panda"), shelf(0.5)
     checker = Checker.of(robot, scene)
