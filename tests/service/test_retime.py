@@ -314,3 +314,22 @@ def test_so_many_samples_are_answered(client: httpx.Client) -> None:
     body = {"path": {"joints": JOINTS}, "limits": LIMITS}
     both = body | {"timing": {"sample_count": 5, "sample_period": 0.1}}
     assert "Give one" in client.post("/v1/retime", json=both).text
+
+
+def test_a_path_is_simplified_within_the_tools_tolerance(client: httpx.Client) -> None:
+    bow = [[0.5 * k / 200, 0.3 + 0.1 * np.sin(k / 60)] for k in range(201)]
+    body: dict[str, Any] = {"path": {"joints": bow}, "robot": "planar_rr"}
+    within = {"position": 1e-3, "orientation": 0.01}
+    found = answer(client.post("/v1/paths/simplify", json=body | {"tool_tolerance": within}))
+    assert found["status"] == "success"
+    assert len(found["joints"]) < 40
+    for name, most in within.items():
+        assert 0.0 < found["tool_deviation"][name] <= most
+    for wrong, said in (
+        ({}, "the tolerance is None"),
+        ({"tool_tolerance": {}}, "the tool's tolerance is None"),
+        ({"tool_tolerance": within, "robot": None}, "tool_tolerance needs a robot"),
+    ):
+        refused = client.post("/v1/paths/simplify", json=body | wrong)
+        assert refused.status_code == 422
+        assert said in refused.text
