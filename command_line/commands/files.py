@@ -95,6 +95,21 @@ class Surroundings(NamedTuple):
     ] = False
 
 
+class Points(NamedTuple):
+    """Points of a file, in time."""
+
+    sample_period: Annotated[
+        float | None,
+        typer.Option(help="Time between points [s]; 0.01, or the cycle of egm and rsi."),
+    ] = None
+    sample_count: Annotated[
+        int | None, typer.Option(help="Number of points, in place of a period.")
+    ] = None
+    least_spacing: Annotated[float | None, typer.Option(help="Least time between points [s].")] = (
+        None
+    )
+
+
 @command
 def export(
     connection: Connection,
@@ -112,16 +127,7 @@ def export(
     request: Request,
     mounted: Mounted,
     around: Surroundings,
-    sample_period: Annotated[
-        float | None,
-        typer.Option(help="Time between points [s]; 0.01, or the cycle of egm and rsi."),
-    ] = None,
-    sample_count: Annotated[
-        int | None, typer.Option(help="Number of points, in place of a period.")
-    ] = None,
-    least_spacing: Annotated[
-        float | None, typer.Option(help="Least time between points [s].")
-    ] = None,
+    points: Points,
 ) -> None:
     """Write a motion for a robot controller, with a proof; exit with 1 where it is not proved."""
     if form == _RECORDING and request.output is None and not connection.as_json:
@@ -135,9 +141,7 @@ def export(
     }  # fmt: skip
     body: dict[str, Any] = own | {
         "format": form,
-        "sample_period": sample_period,
-        "sample_count": sample_count,
-        "least_spacing": least_spacing,
+        **points._asdict(),
         "different_scene": around.different_scene,
     }
     content = ask(connection, EXPORT, robot, request._replace(output=None), body)
