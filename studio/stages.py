@@ -34,13 +34,28 @@ def new_stage(kind: str, state: StudioState) -> dict[str, Any]:
     return stage
 
 
-def pick_stages(obstacle: Obstacle, touch_links: Sequence[str]) -> Entries:
+def pick_stages(
+    obstacle: Obstacle, touch_links: Sequence[str], grasps: str | None = None
+) -> Entries:
     """The stages that pick an object from above, the tool turned about the vertical as it fits.
 
     Args:
         obstacle: The object.
         touch_links: Links that may touch it.
+        grasps: Kind of grasps that follow from the object's shape, "top" or "suction", with a tool;
+            None for the robot's own gripper.
     """
+    if grasps is not None:
+        closes = {"kind": "close"} | ({"until": "contact"} if grasps == "top" else {})
+        by_shape = {"grasps": {grasps: {}}, "touch_links": [*touch_links]}
+        return (
+            {"kind": "move"},
+            {"kind": "approach", "distance": _WAY},
+            {"kind": "grasp", "object": obstacle.id, **by_shape},
+            closes,
+            {"kind": "attach", "object": obstacle.id},
+            {"kind": "lift", "distance": _WAY},
+        )
     down = {"position": [0.0, 0.0, 0.0], "rpy": [np.pi, 0.0, 0.0]}
     grasp = {
         "kind": "grasp",

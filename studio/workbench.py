@@ -364,8 +364,18 @@ class Workbench:
         changes: dict[str, Any] = {f"{which}_options": options}
         self._change(replace(self.state, **changes), f"{which} {name}")
 
+    def tool_grasps(self) -> str | None:
+        """Kind of grasps that the mounted tool has of an object's shape; None without a tool."""
+        if self.state.tool is None:
+            return None
+        tool = self.client.tools.get(self.state.tool)
+        sucks = tool.grip == "suction" or (tool.form and tool.form.type == "suction_cup")
+        return "suction" if sucks else "top"
+
     def gripper_links(self) -> list[str]:
-        """Links with geometry that do not move in the frame of the tip: they may touch a load."""
+        """Links that may touch a load: the mounted tool, or those that do not move in the tip."""
+        if self.state.tool is not None:
+            return [self.state.tool]
         rows = [self.state.start, [q + 0.1 for q in self.state.start]]
         poses = self.link_poses_of(rows)
         tips = poses[self.model.tip_link]

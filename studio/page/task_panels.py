@@ -141,7 +141,7 @@ class TaskPanel:
         self._text = Text(gui)
         with gui.add_folder("Pick and place"):
             self._object = gui.add_dropdown("Object", [_NONE])
-            ready = gui.add_button_group("Add stages", ["pick", "place at goal"])
+            ready = gui.add_button_group("Add stages", ["pick", "place at goal", "both"])
             ready.on_click(lambda event: self._run(partial(self._add_ready, event.target.value)))
         with gui.add_folder("Stages"):
             self._stages = EntriesPanel(
@@ -180,12 +180,13 @@ class TaskPanel:
     def _add_ready(self, word: str) -> None:
         workbench = self._page.workbench
         obstacle = self._chosen_object()
-        more = (
-            pick_stages(obstacle, workbench.gripper_links())
-            if word == "pick"
-            else place_stages(obstacle, workbench.goal_tip())
-        )
-        workbench.set_entries("stages", (*workbench.state.stages, *more))
+        stages = workbench.state.stages
+        if word != "place at goal":
+            links, grasps = workbench.gripper_links(), workbench.tool_grasps()
+            stages = (*stages, *pick_stages(obstacle, links, grasps))
+        if word != "pick":
+            stages = (*stages, *place_stages(obstacle, workbench.goal_tip()))
+        workbench.set_entries("stages", stages)
 
     def _aim(self) -> None:
         workbench, number = self._page.workbench, self._stages.chosen

@@ -12,6 +12,7 @@ from armwright_wire.scenes.scene import Capsule, Cone, Shape
 from studio.page.entries_panel import describe, labels_of, number_in, text_of, value_of
 from studio.requests import corner, dimensions, with_corner
 from studio.settings_form import EntryForms, FormField
+from studio.stages import pick_stages
 from studio.state import History, StudioState, moved, with_field, without
 
 EMPTY = StudioState("arm", (0.0, 0.0), (1.0, 1.0))
@@ -167,3 +168,14 @@ def test_nothing_is_scaled_to_nothing(shape: Shape) -> None:
 
 def test_half_spaces_have_no_handle() -> None:
     assert corner(Halfspace(normal=[0.0, 0.0, 1.0], offset=0.0)) is None
+
+
+def test_a_pick_with_a_tool_takes_grasps_from_the_shape() -> None:
+    crate = Obstacle(id="crate", shape=Box(size=[0.05, 0.05, 0.05]), pose=Pose.at(0.4, 0.0, 0.1))
+    for grasps, closes in (("top", {"until": "contact"}), ("suction", {})):
+        stages = pick_stages(crate, ["jaw"], grasps)
+        grasp, close = (next(s for s in stages if s["kind"] == kind) for kind in ("grasp", "close"))
+        assert grasp["grasps"] == {grasps: {}}
+        assert grasp["touch_links"] == ["jaw"]
+        assert close == {"kind": "close", **closes}
+    assert "region" in next(s for s in pick_stages(crate, ["hand"]) if s["kind"] == "grasp")
