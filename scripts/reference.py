@@ -238,8 +238,9 @@ def _cell(text: str) -> str:
 
 def _settings() -> str:
     rows = [
-        f"| `ARMWRIGHT_{name.upper()}` | {_default(name)} | {_cell(field.description or '')} |"
+        f"| `ARMWRIGHT_{name.upper()}` | {_default(name)} | {_cell(' '.join(text.split()))} |"
         for name, field in Settings.model_fields.items()
+        for text in [field.description or ""]
     ]
     return (
         "# Settings\n\n"

@@ -131,9 +131,10 @@ def source_lines(text: str, found: Iterable[Definition]) -> int:
     """Number of lines without blank lines, comments and docstrings."""
     docstrings: set[int] = set()
     for node in found:
-        first = node.body[0] if node.body else None
-        if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
-            docstrings.update(range(first.lineno, (first.end_lineno or 0) + 1))
+        # The first statement, and those below the fields of a class.
+        for below in node.body if isinstance(node, ast.ClassDef) else node.body[:1]:
+            if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+                docstrings.update(range(below.lineno, (below.end_lineno or 0) + 1))
     lines: set[int] = set()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type not in _NO_SOURCE:

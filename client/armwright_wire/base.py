@@ -1,11 +1,15 @@
 """Parts of every model on the wire: strictness, numbers, vectors and names."""
 
+import ast
+import inspect
 import json
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from functools import cache
 from importlib.resources import files
+from itertools import pairwise
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -83,14 +87,40 @@ def examples(model: str) -> list[JsonValue]:
     return _all_examples()[model]
 
 
+def _documented(kind: ast.ClassDef) -> dict[str, str]:
+    """Docstrings of the fields of a class, the strings below them; empty for none."""
+    found = {}
+    for field, below in pairwise([*kind.body, None]):
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+            match below:
+                case ast.Expr(value=ast.Constant(value=str() as text)):
+                    found[field.target.id] = " ".join(text.split())
+                case _:
+                    found[field.target.id] = ""
+    return found
+
+
+@cache
+def _docstrings(module: str) -> dict[str, dict[str, str]]:
+    """Docstrings of fields by class of a module.
+
+    They are read when a schema is made: ``use_attribute_docstrings`` of pydantic reads the source
+    of every class at import.
+    """
+    nodes = ast.walk(ast.parse(inspect.getsource(sys.modules[module])))
+    return {node.name: _documented(node) for node in nodes if isinstance(node, ast.ClassDef)}
+
+
 class Wire(BaseModel):
-    """A part of a request or answer."""
+    """A part of a request or answer; the string below a field describes it in the schema."""
 
     # Validators are built when they are needed: an import takes half the time.
     model_config = ConfigDict(defer_build=True)
 
     #: Whether a request takes the fields of an object, not the object as it is.
     goes_by_fields: ClassVar[bool] = False
+    #: Models whose docstrings describe fields that are taken from them by name.
+    documented_by: ClassVar[tuple[type["Wire"], ...]] = ()
 
     @classmethod
     def read(cls, content: bytes) -> Self:
@@ -100,6 +130,21 @@ class Wire(BaseModel):
             pydantic.ValidationError: A field that is known here is missing or has another type.
         """
         return cls.model_validate_json(content, extra="ignore", strict=False)
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """The JSON schema, with the docstrings of the fields as their descriptions."""
+        schema = handler(core_schema)
+        fields = handler.resolve_ref_schema(schema).get("properties", {})
+        models = (cls, *cls.documented_by)
+        kinds = [kind for model in models for kind in model.__mro__ if issubclass(kind, Wire)]
+        texts = [_docstrings(kind.__module__).get(kind.__name__, {}) for kind in kinds]
+        for name, field in cls.model_fields.items():
+            if text := next((known[name] for known in texts if name in known), ""):
+                fields[field.alias or name]["description"] = text
+        return schema
 
 
 def build_at_once() -> None:
@@ -173,7 +218,7 @@ class Body(Wire):
         The rules stand inside of an allOf: generators of clients take an object beside a oneOf for
         one without fields.
         """
-        schema = handler(core_schema)
+        schema = super().__get_pydantic_json_schema__(core_schema, handler)
         if cls.tag is not None:
             publish_as_required(handler.resolve_ref_schema(schema), cls.tag)
         rules: list[JsonDict] = []
@@ -211,11 +256,12 @@ class Answer(Wire):
 class InFrame(Answer):
     """An answer whose poses and directions are in a frame."""
 
-    frame: str = Field(description="that poses are in: the root link if no other was asked for")
-    frame_note: str | None = Field(
-        None, description="where the chain begins, if that is not the root frame"
-    )
-    notes: list[str] = Field(default_factory=list, description="what was done to the request")
+    frame: str
+    """that poses are in: the root link if no other was asked for"""
+    frame_note: str | None = None
+    """where the chain begins, if that is not the root frame"""
+    notes: list[str] = Field(default_factory=list)
+    """what was done to the request"""
 
 
 Number = Annotated[float, Field(ge=-MAX_NUMBER, le=MAX_NUMBER)]
@@ -428,8 +474,7 @@ PlanId = Annotated[
 class Keepable(Body):
     """A request whose answer can be kept, to be looked at or replayed later."""
 
-    keep: bool | None = Field(
-        None,
-        description="keep request and answer, or problem, as a plan (GET /v1/plans); if left out, "
-        "those of jobs are kept",
-    )
+    keep: bool | None = None
+    """keep request and answer, or problem, as a plan (GET /v1/plans); if left out, those of jobs
+    are kept
+    """

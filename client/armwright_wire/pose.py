@@ -108,29 +108,22 @@ class Pose(Body):
     #: Whether a pose without a position is at the origin.
     may_lack_position: ClassVar[bool] = False
 
-    position: Point = Field(
-        default_factory=lambda: [0.0, 0.0, 0.0],
-        examples=[[0.4, 0.0, 0.3]],
-        description="x, y, z [m]; needed beside all but a transform",
-    )
-    quaternion_xyzw: Quaternion | None = Field(
-        None,
-        examples=[[0.0, 0.0, 0.0, 1.0]],
-        description="normalised if its norm is within 1e-3 of 1, else refused",
-    )
-    rotation_matrix: Matrix3 | None = Field(
-        None,
-        description="rows; of a rotation within rounding to three digits or more the nearest one "
-        "is taken, others are refused",
-    )
-    euler_zyz: Vector3 | None = Field(None, description="[phi, theta, psi], R = Rz Ry Rz [rad]")
-    rpy: Vector3 | None = Field(None, description="[roll, pitch, yaw], R = Rz Ry Rx [rad]")
-    axis_angle: Quaternion | None = Field(
-        None, description="[x, y, z, angle]: about an axis of any length but 0, by an angle [rad]"
-    )
-    transform: Matrix4 | None = Field(
-        None, description="rows of [[R, p], [0, 0, 0, 1]], in place of all other forms"
-    )
+    position: Point = Field(default_factory=lambda: [0.0, 0.0, 0.0], examples=[[0.4, 0.0, 0.3]])
+    """x, y, z [m]; needed beside all but a transform"""
+    quaternion_xyzw: Quaternion | None = Field(None, examples=[[0.0, 0.0, 0.0, 1.0]])
+    """normalised if its norm is within 1e-3 of 1, else refused"""
+    rotation_matrix: Matrix3 | None = None
+    """rows; of a rotation within rounding to three digits or more the nearest one is taken, others
+    are refused
+    """
+    euler_zyz: Vector3 | None = None
+    """[phi, theta, psi], R = Rz Ry Rz [rad]"""
+    rpy: Vector3 | None = None
+    """[roll, pitch, yaw], R = Rz Ry Rx [rad]"""
+    axis_angle: Quaternion | None = None
+    """[x, y, z, angle]: about an axis of any length but 0, by an angle [rad]"""
+    transform: Matrix4 | None = None
+    """rows of [[R, p], [0, 0, 0, 1]], in place of all other forms"""
 
     @field_validator("quaternion_xyzw")
     @classmethod
@@ -242,32 +235,26 @@ else:
     class PoseAnswer(Answer):
         """A pose in the robot's root frame."""
 
-        position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
-        quaternion_xyzw: list[float] = Field(
-            examples=[[0.0, 0.0, 0.0, 1.0]], description="orientation as x, y, z, w"
-        )
+        position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]])
+        """x, y, z [m]"""
+        quaternion_xyzw: list[float] = Field(examples=[[0.0, 0.0, 0.0, 1.0]])
+        """orientation as x, y, z, w"""
 
     class OrientedPoseAnswer(Answer):
         """A pose with its orientation in the form that was asked for."""
 
-        position: list[float] = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
-        quaternion_xyzw: list[float] | None = Field(
-            None, examples=[[0.0, 0.0, 0.0, 1.0]], description="orientation as x, y, z, w"
-        )
-        rotation_matrix: list[list[float]] | None = Field(None, description="rows")
-        euler_zyz: list[float] | None = Field(
-            None,
-            description="[phi, theta, psi] [rad], theta in [0, pi]; psi = 0 where sin(theta) = 0",
-        )
-        rpy: list[float] | None = Field(
-            None,
-            description="[roll, pitch, yaw] [rad], pitch in [-pi/2, pi/2]; roll = 0 at its ends",
-        )
-        axis_angle: list[float] | None = Field(
-            None,
-            description="[x, y, z, angle]: a unit axis, the angle [rad] in [0, pi]; z where it is "
-            "0",
-        )
+        position: list[float] = Field(examples=[[0.4, 0.0, 0.3]])
+        """x, y, z [m]"""
+        quaternion_xyzw: list[float] | None = Field(None, examples=[[0.0, 0.0, 0.0, 1.0]])
+        """orientation as x, y, z, w"""
+        rotation_matrix: list[list[float]] | None = None
+        """rows"""
+        euler_zyz: list[float] | None = None
+        """[phi, theta, psi] [rad], theta in [0, pi]; psi = 0 where sin(theta) = 0"""
+        rpy: list[float] | None = None
+        """[roll, pitch, yaw] [rad], pitch in [-pi/2, pi/2]; roll = 0 at its ends"""
+        axis_angle: list[float] | None = None
+        """[x, y, z, angle]: a unit axis, the angle [rad] in [0, pi]; z where it is 0"""
 
     AnyPose = Pose | PoseAnswer | OrientedPoseAnswer
 
@@ -282,11 +269,10 @@ class PoseForm(Pose):
 class Motion(PoseForm):
     """A rigid motion of a list that is carried out in turn."""
 
-    about: Literal["current", "fixed"] = Field(
-        "current",
-        description="current: about the axes of the moved frame, T <- T T_i; fixed: about those "
-        "of the first one, T <- T_i T",
-    )
+    about: Literal["current", "fixed"] = "current"
+    """current: about the axes of the moved frame, T <- T T_i; fixed: about those of the first one,
+    T <- T_i T
+    """
 
 
 class ConvertPoseRequest(BodyWithRules):
@@ -297,16 +283,14 @@ class ConvertPoseRequest(BodyWithRules):
     model_config = ConfigDict(json_schema_extra={"examples": examples("ConvertPoseRequest")})
 
     pose: PoseForm | None = None
-    motions: Annotated[list[Motion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = Field(
-        None, description="carried out in turn, beginning at the identity"
-    )
-    inverse: bool = Field(False, description="invert the pose before it is answered")
-    angular_velocity: Vector3 | None = Field(
-        None, description="ω in the outer frame [rad/s]; S(ω) and the rotation's rate S(ω) R follow"
-    )
-    rotation_rate: Matrix3 | None = Field(
-        None, description="dR/dt [1/s] in place of ω, which follows: S(ω) = dR/dt Rᵀ"
-    )
+    motions: Annotated[list[Motion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = None
+    """carried out in turn, beginning at the identity"""
+    inverse: bool = False
+    """invert the pose before it is answered"""
+    angular_velocity: Vector3 | None = None
+    """ω in the outer frame [rad/s]; S(ω) and the rotation's rate S(ω) R follow"""
+    rotation_rate: Matrix3 | None = None
+    """dR/dt [1/s] in place of ω, which follows: S(ω) = dR/dt Rᵀ"""
 
     @model_validator(mode="after")
     def _check_form(self) -> "ConvertPoseRequest":
@@ -318,32 +302,35 @@ class ConvertPoseRequest(BodyWithRules):
 class PoseForms(Answer):
     """A pose in every form."""
 
-    position: list[float] = Field(description="x, y, z [m]")
-    quaternion_xyzw: list[float] = Field(description="with w >= 0; its negative means the same")
-    rotation_matrix: list[list[float]] = Field(description="rows")
-    euler_zyz: list[float] = Field(description="[phi, theta, psi] [rad], theta in [0, pi]")
-    rpy: list[float] = Field(description="[roll, pitch, yaw] [rad], pitch in [-pi/2, pi/2]")
-    axis_angle: list[float] = Field(
-        description="[x, y, z, angle]: a unit axis, angle [rad] in [0, pi]"
-    )
-    transform: list[list[float]] = Field(description="rows of [[R, p], [0, 0, 0, 1]]")
-    euler_zyz_branches: list[list[float]] = Field(
-        description="both branches, that of theta in [0, pi] first; one where sin(theta) = 0"
-    )
-    rpy_branches: list[list[float]] = Field(
-        description="both branches, that of pitch in [-pi/2, pi/2] first; one where cos(pitch) = 0"
-    )
+    position: list[float]
+    """x, y, z [m]"""
+    quaternion_xyzw: list[float]
+    """with w >= 0; its negative means the same"""
+    rotation_matrix: list[list[float]]
+    """rows"""
+    euler_zyz: list[float]
+    """[phi, theta, psi] [rad], theta in [0, pi]"""
+    rpy: list[float]
+    """[roll, pitch, yaw] [rad], pitch in [-pi/2, pi/2]"""
+    axis_angle: list[float]
+    """[x, y, z, angle]: a unit axis, angle [rad] in [0, pi]"""
+    transform: list[list[float]]
+    """rows of [[R, p], [0, 0, 0, 1]]"""
+    euler_zyz_branches: list[list[float]]
+    """both branches, that of theta in [0, pi] first; one where sin(theta) = 0"""
+    rpy_branches: list[list[float]]
+    """both branches, that of pitch in [-pi/2, pi/2] first; one where cos(pitch) = 0"""
 
 
 class SingularFormAnswer(Answer):
     """A form of the orientation that does not determine all of its numbers."""
 
-    form: Literal["euler_zyz", "rpy", "axis_angle"] = Field(description="of the orientation")
-    determined: str = Field(
-        examples=["theta = 0: only phi + psi is determined"],
-        description="what the rotation determines",
-    )
-    choice: str = Field(description="made for the rest", examples=["psi = 0"])
+    form: Literal["euler_zyz", "rpy", "axis_angle"]
+    """of the orientation"""
+    determined: str = Field(examples=["theta = 0: only phi + psi is determined"])
+    """what the rotation determines"""
+    choice: str = Field(examples=["psi = 0"])
+    """made for the rest"""
 
 
 class ConvertPoseAnswer(Answer):
@@ -351,13 +338,15 @@ class ConvertPoseAnswer(Answer):
 
     pose: PoseForms
     inverse: PoseForms
-    singular: list[SingularFormAnswer] = Field(
-        description="forms that do not determine all of their numbers"
-    )
-    notes: list[str] = Field(default_factory=list, description="what was done to the request")
-    poses: list[list[list[float]]] | None = Field(
-        None, description="of motions: the 4x4 transform after each"
-    )
-    skew: list[list[float]] | None = Field(None, description="S(ω), with S(ω) v = ω × v")
-    angular_velocity: list[float] | None = Field(None, description="ω of that rate [rad/s]")
-    rotation_rate: list[list[float]] | None = Field(None, description="dR/dt = S(ω) R [1/s]")
+    singular: list[SingularFormAnswer]
+    """forms that do not determine all of their numbers"""
+    notes: list[str] = Field(default_factory=list)
+    """what was done to the request"""
+    poses: list[list[list[float]]] | None = None
+    """of motions: the 4x4 transform after each"""
+    skew: list[list[float]] | None = None
+    """S(ω), with S(ω) v = ω × v"""
+    angular_velocity: list[float] | None = None
+    """ω of that rate [rad/s]"""
+    rotation_rate: list[list[float]] | None = None
+    """dR/dt = S(ω) R [1/s]"""

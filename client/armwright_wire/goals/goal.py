@@ -44,10 +44,10 @@ class _Weighed(Body):
 class OfLink(_Weighed):
     """A constraint of a link, in a frame that stands still or seen from another link."""
 
-    link: Label | None = Field(None, description="the tip if left out")
-    reference_link: Label | None = Field(
-        None, description="moving link whose frame it is seen from"
-    )
+    link: Label | None = None
+    """the tip if left out"""
+    reference_link: Label | None = None
+    """moving link whose frame it is seen from"""
     frame: Frame | None = None
 
 
@@ -55,14 +55,14 @@ class JointConstraint(_Weighed):
     """position − tolerance_below ≤ q ≤ position + tolerance_above [rad or m]."""
 
     type: Literal["joint"] = "joint"
-    joint: Label = Field(examples=["panda_joint1"], description="name of the joint")
-    position: Number = Field(examples=[0.0], description="value to stay near [rad or m]")
-    tolerance_above: NonNegative = Field(
-        0.0, examples=[0.3], description="how far above it may go [rad or m]"
-    )
-    tolerance_below: NonNegative = Field(
-        0.0, examples=[0.3], description="how far below it may go [rad or m]"
-    )
+    joint: Label = Field(examples=["panda_joint1"])
+    """name of the joint"""
+    position: Number = Field(examples=[0.0])
+    """value to stay near [rad or m]"""
+    tolerance_above: NonNegative = Field(0.0, examples=[0.3])
+    """how far above it may go [rad or m]"""
+    tolerance_below: NonNegative = Field(0.0, examples=[0.3])
+    """how far below it may go [rad or m]"""
 
 
 class BoxRegion(Body):
@@ -71,43 +71,45 @@ class BoxRegion(Body):
     type: Literal["box"] = "box"
     pose: Pose
     size: Annotated[list[NonNegative], Field(min_length=3, max_length=3)] = Field(
-        examples=[[0.1, 0.4, 0.2]], description="edge lengths along x, y, z [m]"
+        examples=[[0.1, 0.4, 0.2]]
     )
+    """edge lengths along x, y, z [m]"""
 
 
 class SphereRegion(Body):
     """All points within a radius of a centre [m]."""
 
     type: Literal["sphere"] = "sphere"
-    center: Point = Field(examples=[[0.4, 0.0, 0.4]], description="of the sphere [m]")
-    radius: NonNegative = Field(examples=[0.05], description="of the sphere [m]")
+    center: Point = Field(examples=[[0.4, 0.0, 0.4]])
+    """of the sphere [m]"""
+    radius: NonNegative = Field(examples=[0.05])
+    """of the sphere [m]"""
 
 
 class PlaneRegion(Body):
     """All points within a tolerance of a plane [m]."""
 
     type: Literal["plane"] = "plane"
-    point: Point = Field(examples=[[0.4, 0.0, 0.4]], description="on the plane [m]")
-    normal: Vector3 = Field(
-        examples=[[0.0, 0.0, 1.0]], description="of the plane, of any length but 0"
-    )
-    tolerance: NonNegative = Field(
-        examples=[0.002], description="largest distance from the plane [m]"
-    )
+    point: Point = Field(examples=[[0.4, 0.0, 0.4]])
+    """on the plane [m]"""
+    normal: Vector3 = Field(examples=[[0.0, 0.0, 1.0]])
+    """of the plane, of any length but 0"""
+    tolerance: NonNegative = Field(examples=[0.002])
+    """largest distance from the plane [m]"""
 
 
 class LineRegion(Body):
     """All points within a tolerance of a line [m]."""
 
     type: Literal["line"] = "line"
-    point: Point = Field(examples=[[0.4, 0.0, 0.4]], description="on the line [m]")
-    direction: Vector3 = Field(
-        examples=[[0.0, 1.0, 0.0]], description="of the line, of any length but 0"
-    )
-    tolerance: NonNegative = Field(
-        examples=[0.002], description="largest distance from the line [m]"
-    )
-    length: Length | None = Field(None, description="within half of it of the point, along it")
+    point: Point = Field(examples=[[0.4, 0.0, 0.4]])
+    """on the line [m]"""
+    direction: Vector3 = Field(examples=[[0.0, 1.0, 0.0]])
+    """of the line, of any length but 0"""
+    tolerance: NonNegative = Field(examples=[0.002])
+    """largest distance from the line [m]"""
+    length: Length | None = None
+    """within half of it of the point, along it"""
 
 
 Region = Annotated[BoxRegion | SphereRegion | PlaneRegion | LineRegion, Field(discriminator="type")]
@@ -117,8 +119,10 @@ class PositionConstraint(OfLink):
     """A point of a link stays in a region."""
 
     type: Literal["position"] = "position"
-    point: Point = Field(default_factory=lambda: [0.0, 0.0, 0.0], description="in its frame [m]")
-    region: Region = Field(description="where the point stays")
+    point: Point = Field(default_factory=lambda: [0.0, 0.0, 0.0])
+    """in its frame [m]"""
+    region: Region
+    """where the point stays"""
 
 
 class OrientationConstraint(OfLink):
@@ -131,17 +135,16 @@ class OrientationConstraint(OfLink):
     )
 
     type: Literal["orientation"] = "orientation"
-    axis: Vector3 | None = Field(None, examples=[[0.0, 0.0, 1.0]], description="of the link")
-    direction: Vector3 | None = Field(
-        None, examples=[[0.0, 0.0, -1.0]], description="of the cone's axis"
-    )
-    cone_angle: Angle | None = Field(
-        None, examples=[0.1745], description="from the cone's axis to its side [rad]"
-    )
-    quaternion_xyzw: Quaternion | None = Field(None, description="orientation to stay near")
-    axis_tolerances: Tolerances | None = Field(
-        None, description="about its x, y, z [rad]; π or more leaves an axis free"
-    )
+    axis: Vector3 | None = Field(None, examples=[[0.0, 0.0, 1.0]])
+    """of the link"""
+    direction: Vector3 | None = Field(None, examples=[[0.0, 0.0, -1.0]])
+    """of the cone's axis"""
+    cone_angle: Angle | None = Field(None, examples=[0.1745])
+    """from the cone's axis to its side [rad]"""
+    quaternion_xyzw: Quaternion | None = None
+    """orientation to stay near"""
+    axis_tolerances: Tolerances | None = None
+    """about its x, y, z [rad]; π or more leaves an axis free"""
 
     @model_validator(mode="after")
     def _check_form(self) -> "OrientationConstraint":
@@ -159,19 +162,22 @@ class LookAtConstraint(OfLink):
     """An axis of a link, from a point on it, points at a target within an angle."""
 
     type: Literal["look_at"] = "look_at"
-    axis: Vector3 = Field(examples=[[0.0, 0.0, 1.0]], description="of the link")
-    target: Point = Field(examples=[[0.6, 0.0, 0.1]], description="to look at [m]")
-    angle: Angle = Field(examples=[0.05], description="[rad]")
-    point: Point = Field(default_factory=lambda: [0.0, 0.0, 0.0], description="in its frame [m]")
+    axis: Vector3 = Field(examples=[[0.0, 0.0, 1.0]])
+    """of the link"""
+    target: Point = Field(examples=[[0.6, 0.0, 0.1]])
+    """to look at [m]"""
+    angle: Angle = Field(examples=[0.05])
+    """[rad]"""
+    point: Point = Field(default_factory=lambda: [0.0, 0.0, 0.0])
+    """in its frame [m]"""
 
 
 class ClearanceConstraint(Body):
     """Every obstacle stays at least so far away, beyond its own margin [m]."""
 
     type: Literal["clearance"] = "clearance"
-    margin: NonNegative = Field(
-        examples=[0.02], description="least distance from every obstacle [m]"
-    )
+    margin: NonNegative = Field(examples=[0.02])
+    """least distance from every obstacle [m]"""
 
 
 class RelativePoseConstraint(OfLink):
@@ -179,24 +185,26 @@ class RelativePoseConstraint(OfLink):
 
     type: Literal["relative_pose"] = "relative_pose"
     pose: Pose
-    position_tolerance: Tolerances = Field(0.0, description="along the pose's x, y, z [m]")
-    orientation_tolerance: Tolerances = Field(0.0, description="about the pose's x, y, z [rad]")
+    position_tolerance: Tolerances = 0.0
+    """along the pose's x, y, z [m]"""
+    orientation_tolerance: Tolerances = 0.0
+    """about the pose's x, y, z [rad]"""
 
 
 class ToolSpeedConstraint(Body):
     """The tip moves at most so fast [m/s]; of motions only."""
 
     type: Literal["tool_speed"] = "tool_speed"
-    limit: Positive = Field(examples=[0.25], description="largest speed [m/s]")
+    limit: Positive = Field(examples=[0.25])
+    """largest speed [m/s]"""
 
 
 class TorqueConstraint(Body):
     """Joint torques stay within limits [N m or N], the robot's if left out; of motions only."""
 
     type: Literal["torque"] = "torque"
-    limits: Annotated[list[Positive], Field(min_length=1, max_length=MAX_JOINTS)] | None = Field(
-        None, description="largest torque of each joint [N m or N]; the robot's if left out"
-    )
+    limits: Annotated[list[Positive], Field(min_length=1, max_length=MAX_JOINTS)] | None = None
+    """largest torque of each joint [N m or N]; the robot's if left out"""
 
 
 Constraint = Annotated[
@@ -237,12 +245,18 @@ else:
 class ConstraintUse(Answer):
     """Residual of a constraint, positive where it is violated."""
 
-    constraint: int = Field(description="its number in the request")
-    name: str = Field(description="kind of constraint")
-    residual: float = Field(description="[unit]; negative by what is to spare")
-    unit: str = Field(examples=["rad"], description="of the residual")
-    hard: bool = Field(description="false for one with a weight")
-    time: float | None = Field(None, description="about when it is worst [s], of a motion")
+    constraint: int
+    """its number in the request"""
+    name: str
+    """kind of constraint"""
+    residual: float
+    """[unit]; negative by what is to spare"""
+    unit: str = Field(examples=["rad"])
+    """of the residual"""
+    hard: bool
+    """false for one with a weight"""
+    time: float | None = None
+    """about when it is worst [s], of a motion"""
 
 
 MAX_GOALS = 1_000
@@ -261,22 +275,19 @@ class Start(BodyWithRules):
     }
 
     joints: JointVector | None = Field(None, examples=[JOINTS_EXAMPLE])
-    state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
-    velocities: JointVector | None = Field(
-        None,
-        description="there; at rest if left out. Planners that optimise nothing brake to rest "
-        "first",
-    )
-    accelerations: JointVector | None = Field(
-        None, description="there, likewise; any that keep the limits if left out"
-    )
+    state: Label | None = Field(None, examples=["home"])
+    """a named state of the robot"""
+    velocities: JointVector | None = None
+    """there; at rest if left out. Planners that optimise nothing brake to rest first"""
+    accelerations: JointVector | None = None
+    """there, likewise; any that keep the limits if left out"""
 
-    plan: Label | None = Field(
-        None,
-        description="of a plan: a kept one, whose motion is left at `at` in the same state; where "
-        "no motion from there is proved, its stop is answered",
-    )
-    at: NonNegative | None = Field(None, description="instant of its trajectory [s]")
+    plan: Label | None = None
+    """of a plan: a kept one, whose motion is left at `at` in the same state; where no motion from
+    there is proved, its stop is answered
+    """
+    at: NonNegative | None = None
+    """instant of its trajectory [s]"""
 
     @model_validator(mode="after")
     def _check_form(self) -> "Start":
@@ -298,23 +309,18 @@ class SingleGoal(BodyWithRules):
     }
 
     joints: JointVector | None = Field(None, examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
-    state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
+    state: Label | None = Field(None, examples=["home"])
+    """a named state of the robot"""
     pose: PoseInFrame | None = None
     frame: Frame | None = None
-    velocities: JointVector | None = Field(
-        None, description="at the joints, for a motion that is optimised; at rest if left out"
-    )
-    accelerations: JointVector | None = Field(
-        None, description="there, likewise; any that keep the limits if left out"
-    )
-    position_tolerance: Tolerance | None = Field(
-        None,
-        description="how far off the tip may end if nothing is right there, 1e-4 if left out [m]",
-    )
-    orientation_tolerance: Tolerance | None = Field(
-        None,
-        description="how far turned it may end if nothing is right there, 1e-3 if left out [rad]",
-    )
+    velocities: JointVector | None = None
+    """at the joints, for a motion that is optimised; at rest if left out"""
+    accelerations: JointVector | None = None
+    """there, likewise; any that keep the limits if left out"""
+    position_tolerance: Tolerance | None = None
+    """how far off the tip may end if nothing is right there, 1e-4 if left out [m]"""
+    orientation_tolerance: Tolerance | None = None
+    """how far turned it may end if nothing is right there, 1e-3 if left out [rad]"""
 
 
 class Goal(SingleGoal):
@@ -322,9 +328,8 @@ class Goal(SingleGoal):
 
     one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "pose", "any_of")
 
-    any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_GOALS)] | None = Field(
-        None, description="goals of which one is to be reached"
-    )
+    any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_GOALS)] | None = None
+    """goals of which one is to be reached"""
 
     @classmethod
     def at_state(cls, state: str) -> Self:
@@ -391,12 +396,12 @@ MAX_PREFERRED = 1.0
 class Clearance(Body):
     """Distances from obstacles: one to keep wherever there is room, one to keep always."""
 
-    preferred: Annotated[NonNegative, Field(le=MAX_PREFERRED)] = Field(
-        DEFAULT_PREFERRED,
-        description="kept wherever there is room [m]; a quarter of it, 5 mm at most, between the "
-        "robot's own links; 0 prefers no distance",
-    )
-    least: Margin | None = Field(None, description="another name of margin [m]")
+    preferred: Annotated[NonNegative, Field(le=MAX_PREFERRED)] = DEFAULT_PREFERRED
+    """kept wherever there is room [m]; a quarter of it, 5 mm at most, between the robot's own
+    links; 0 prefers no distance
+    """
+    least: Margin | None = None
+    """another name of margin [m]"""
 
     def check_margin(self, margin: float) -> None:
         """Refuse a margin that is given beside another least clearance.
@@ -411,23 +416,31 @@ class Clearance(Body):
 class CloseSpanAnswer(Answer):
     """A span of the motion that is nearer to something than preferred."""
 
-    begins: float = Field(description="[s]")
-    ends: float = Field(description="[s]")
-    distance: float = Field(description="the least in it, margins of obstacles taken off [m]")
-    pair: tuple[str, str] = Field(description="the two bodies that come so near")
+    begins: float
+    """[s]"""
+    ends: float
+    """[s]"""
+    distance: float
+    """the least in it, margins of obstacles taken off [m]"""
+    pair: tuple[str, str]
+    """the two bodies that come so near"""
 
 
 class ClearanceAnswer(Answer):
     """Preferred distances, and where the motion does not keep them."""
 
-    preferred: float = Field(description="from obstacles [m]")
-    own_links: float = Field(description="between the robot's own links [m]")
-    least: float = Field(description="the margin that the certificate proves [m]")
-    time_below: float = Field(description="time in which the motion is nearer than preferred [s]")
-    period: float = Field(description="between two instants that were looked at [s]")
-    spans: list[CloseSpanAnswer] = Field(
-        description="spans of time nearer than preferred, in their order"
-    )
+    preferred: float
+    """from obstacles [m]"""
+    own_links: float
+    """between the robot's own links [m]"""
+    least: float
+    """the margin that the certificate proves [m]"""
+    time_below: float
+    """time in which the motion is nearer than preferred [s]"""
+    period: float
+    """between two instants that were looked at [s]"""
+    spans: list[CloseSpanAnswer]
+    """spans of time nearer than preferred, in their order"""
 
 
 class GoalCosts(Body):
@@ -435,42 +448,36 @@ class GoalCosts(Body):
 
     # Defaults are those of planning; tests compare the two.
 
-    motion_time: NonNegative = Field(
-        1.0,
-        description="of the time of the straight joint motion from the start [1/s]",
-    )
-    joint_limits: NonNegative = Field(
-        0.5,
-        description="of the nearness to a joint limit: 1 at a limit, 0 from 15 % of the range",
-    )
-    manipulability: NonNegative = Field(
-        0.2,
-        description="of its lack: 1 at a singularity, 0 at the best configuration",
-    )
-    clearance: NonNegative = Field(
-        0.2, description="of the nearness of obstacles: 1 in contact, 0 from 5 cm"
-    )
-    turns: NonNegative = Field(0.2, description="of each joint that turns by more than half a turn")
+    motion_time: NonNegative = 1.0
+    """of the time of the straight joint motion from the start [1/s]"""
+    joint_limits: NonNegative = 0.5
+    """of the nearness to a joint limit: 1 at a limit, 0 from 15 % of the range"""
+    manipulability: NonNegative = 0.2
+    """of its lack: 1 at a singularity, 0 at the best configuration"""
+    clearance: NonNegative = 0.2
+    """of the nearness of obstacles: 1 in contact, 0 from 5 cm"""
+    turns: NonNegative = 0.2
+    """of each joint that turns by more than half a turn"""
 
 
 class ConfigurationAnswer(Answer):
     """The configuration that was chosen for a pose, what it costs, and why it is not another."""
 
-    branch: str | None = Field(
-        None, description="name of its branch; null where the arm has no closed form"
-    )
-    limit_share: float = Field(
-        description="distance of the joint nearest to its limit, as a share of the joint's range"
-    )
+    branch: str | None = None
+    """name of its branch; null where the arm has no closed form"""
+    limit_share: float
+    """distance of the joint nearest to its limit, as a share of the joint's range"""
     costs: dict[str, float] = Field(
-        description="what it costs, weighted, by the names of `goal_costs`; `motion_time` is "
-        "that of the straight joint motion to it",
-        examples=[{"motion_time": 0.61, "joint_limits": 0.0, "turns": 0.0}],
+        examples=[{"motion_time": 0.61, "joint_limits": 0.0, "turns": 0.0}]
     )
-    found: int = Field(description="free configurations that were found")
-    cheaper: int = Field(description="those of them that cost less, clearance left out")
-    at_limit: int = Field(description="those of them within 2 % of a joint limit")
-    reason: str = Field(
-        description="why it was chosen",
-        examples=["It costs the least of 8 free configurations."],
-    )
+    """what it costs, weighted, by the names of `goal_costs`; `motion_time` is that of the straight
+    joint motion to it
+    """
+    found: int
+    """free configurations that were found"""
+    cheaper: int
+    """those of them that cost less, clearance left out"""
+    at_limit: int
+    """those of them within 2 % of a joint limit"""
+    reason: str = Field(examples=["It costs the least of 8 free configurations."])
+    """why it was chosen"""

@@ -42,23 +42,26 @@ class ToolTolerance(Body):
     The tool's pose is T_pose Trans(x, y, z) Rx(rx) Ry(ry) Rz(rz) in its own frame.
     """
 
-    x: LengthRange | None = Field(None, description="[m]", examples=[[-0.001, 0.001]])
-    y: LengthRange | None = Field(None, description="[m]")
-    z: LengthRange | None = Field(None, description="[m]")
-    rx: AngleRange | None = Field(None, description="[rad]")
-    ry: AngleRange | None = Field(None, description="[rad], within 1.4 of 0")
-    rz: AngleRange | None = Field(None, description="[rad]")
-    free: list[Rotation] = Field(
-        default_factory=list, max_length=3, description="rotations by any angle", examples=[["rz"]]
-    )
-    tilt: Annotated[float, Field(gt=0.0, le=1.4)] | None = Field(
-        None, description="largest angle between the tool's z and that of the pose [rad]"
-    )
-    frame: Frame | None = Field(
-        None,
-        description='whose axes deviations are along: "tool", those of each pose, if left out; or '
-        "a link that stands still",
-    )
+    x: LengthRange | None = Field(None, examples=[[-0.001, 0.001]])
+    """[m]"""
+    y: LengthRange | None = None
+    """[m]"""
+    z: LengthRange | None = None
+    """[m]"""
+    rx: AngleRange | None = None
+    """[rad]"""
+    ry: AngleRange | None = None
+    """[rad], within 1.4 of 0"""
+    rz: AngleRange | None = None
+    """[rad]"""
+    free: list[Rotation] = Field(default_factory=list, max_length=3, examples=[["rz"]])
+    """rotations by any angle"""
+    tilt: Annotated[float, Field(gt=0.0, le=1.4)] | None = None
+    """largest angle between the tool's z and that of the pose [rad]"""
+    frame: Frame | None = None
+    """whose axes deviations are along: "tool", those of each pose, if left out; or a link that
+    stands still
+    """
 
     @model_validator(mode="after")
     def _check_ranges(self) -> "ToolTolerance":
@@ -74,38 +77,32 @@ class ToolTolerance(Body):
 class Waypoint(Body):
     """A pose of the tool, or a point with the surface's normal that the tool's z is against."""
 
-    pose: PoseInFrame | None = Field(None, description="of the tip, without deviation")
-    point: Point | None = Field(None, description="place of the tip [m]")
-    normal: Vector3 | None = Field(
-        None, description="with point: out of the surface; the tool's z axis points against it"
-    )
-    direction: Vector3 | None = Field(
-        None,
-        description="with point: the tool's x axis, as far as it is across the normal; any angle "
-        "about the normal if left out",
-    )
-    frame: Frame | None = Field(None, description="of point, normal, direction and via")
-    via: Point | None = Field(
-        None, description="on the arc from the waypoint before; a line if not"
-    )
-    tolerance: ToolTolerance | None = Field(
-        None, description="on the way to it and there; that of the options if left out"
-    )
-    free: list[Axis] = Field(
-        default_factory=list,
-        max_length=6,
-        description="axes that are free there and on the way to it, beside what tolerance says: "
-        "rotations by any angle, x, y and z by up to 1 m",
-        examples=[["rz"]],
-    )
-    blend: Blend | None = Field(
-        None, description="distance from it at which the tool may leave the way [m]"
-    )
-    tool_speed: Speed | None = Field(
-        None,
-        description="to be kept on the way to it [m/s]; that of the options if left out, which has "
-        "to be there if others have their own",
-    )
+    pose: PoseInFrame | None = None
+    """of the tip, without deviation"""
+    point: Point | None = None
+    """place of the tip [m]"""
+    normal: Vector3 | None = None
+    """with point: out of the surface; the tool's z axis points against it"""
+    direction: Vector3 | None = None
+    """with point: the tool's x axis, as far as it is across the normal; any angle about the normal
+    if left out
+    """
+    frame: Frame | None = None
+    """of point, normal, direction and via"""
+    via: Point | None = None
+    """on the arc from the waypoint before; a line if not"""
+    tolerance: ToolTolerance | None = None
+    """on the way to it and there; that of the options if left out"""
+    free: list[Axis] = Field(default_factory=list, max_length=6, examples=[["rz"]])
+    """axes that are free there and on the way to it, beside what tolerance says: rotations by any
+    angle, x, y and z by up to 1 m
+    """
+    blend: Blend | None = None
+    """distance from it at which the tool may leave the way [m]"""
+    tool_speed: Speed | None = None
+    """to be kept on the way to it [m/s]; that of the options if left out, which has to be there if
+    others have their own
+    """
 
     @model_validator(mode="after")
     def _check_form(self) -> "Waypoint":
@@ -137,11 +134,12 @@ class Waypoint(Body):
 class StraightOffset(Body):
     """A straight motion to the seam's start, or from its end."""
 
-    direction: Vector3 = Field(description="of the motion", examples=[[0.0, 0.0, 1.0]])
-    distance: Annotated[float, Field(gt=0.0, le=5.0)] = Field(description="[m]", examples=[0.05])
-    frame: Literal["tool", "base"] = Field(
-        "tool", description="direction is along the axes of the tool at the seam, or of the root"
-    )
+    direction: Vector3 = Field(examples=[[0.0, 0.0, 1.0]])
+    """of the motion"""
+    distance: Annotated[float, Field(gt=0.0, le=5.0)] = Field(examples=[0.05])
+    """[m]"""
+    frame: Literal["tool", "base"] = "tool"
+    """direction is along the axes of the tool at the seam, or of the root"""
 
     @model_validator(mode="after")
     def _check_direction(self) -> "StraightOffset":
@@ -164,25 +162,24 @@ class ToolCurve(BodyWithRules):
     goes_by_fields: ClassVar[bool] = True
     only_beside: ClassVar[Beside] = {"normal": ("center",)}
 
-    type: Literal["lin", "circ", "corner"] = Field(
-        examples=["lin"], description="line, arc or rounded corner"
-    )
-    pose: PoseInFrame = Field(description="of the tip where the motion ends")
-    via: Point | None = Field(None, description="point on the arc")
-    center: Point | None = Field(None, description="of the arc")
-    normal: Vector3 | None = Field(
-        None,
-        description="with center: axis to turn about by the right hand, up to a whole turn; the "
-        "shorter arc if left out",
-    )
-    rotation: Turning = Field(
-        "shorter", description="which way round the tool turns about the one axis of its rotation"
-    )
-    blend: Blend | None = Field(
-        None,
-        description="distance from its end at which the tool may leave it for the next one, half "
-        "of either motion at most; that of the options if left out [m]",
-    )
+    type: Literal["lin", "circ", "corner"] = Field(examples=["lin"])
+    """line, arc or rounded corner"""
+    pose: PoseInFrame
+    """of the tip where the motion ends"""
+    via: Point | None = None
+    """point on the arc"""
+    center: Point | None = None
+    """of the arc"""
+    normal: Vector3 | None = None
+    """with center: axis to turn about by the right hand, up to a whole turn; the shorter arc if
+    left out
+    """
+    rotation: Turning = "shorter"
+    """which way round the tool turns about the one axis of its rotation"""
+    blend: Blend | None = None
+    """distance from its end at which the tool may leave it for the next one, half of either motion
+    at most; that of the options if left out [m]
+    """
 
     @model_validator(mode="after")
     def _check_form(self) -> Self:
@@ -237,29 +234,30 @@ class ToolMotion(ToolCurve):
 
     published_rules: ClassVar[tuple[JsonDict, ...]] = (_line_or_arc({"const": "lin"}),)
 
-    type: Literal["lin", "circ"] = Field(examples=["lin"], description="line or arc")
+    type: Literal["lin", "circ"] = Field(examples=["lin"])
+    """line or arc"""
 
 
 class CornerArc(Body):
     """The arc that leads to a rounded corner, or away from it."""
 
-    center: Point = Field(description="of the arc, in the frame of the motion's pose")
-    normal: Vector3 = Field(description="axis to turn about by the right hand")
+    center: Point
+    """of the arc, in the frame of the motion's pose"""
+    normal: Vector3
+    """axis to turn about by the right hand"""
 
 
 class RoundedCorner(Body):
     """The corner that a motion rounds: the end of one motion and the beginning of the next."""
 
-    pose: PoseInFrame = Field(description="of the tip at the corner, which the tool passes by")
-    slope: Annotated[float, Field(gt=0.0, le=2.5)] = Field(
-        description="rate at which the tool leaves the motion before, and joins the one after"
-    )
-    before: CornerArc | None = Field(
-        None, description="arc that leads to the corner; a line if left out"
-    )
-    after: CornerArc | None = Field(
-        None, description="arc that leads away from it; a line if left out"
-    )
+    pose: PoseInFrame
+    """of the tip at the corner, which the tool passes by"""
+    slope: Annotated[float, Field(gt=0.0, le=2.5)]
+    """rate at which the tool leaves the motion before, and joins the one after"""
+    before: CornerArc | None = None
+    """arc that leads to the corner; a line if left out"""
+    after: CornerArc | None = None
+    """arc that leads away from it; a line if left out"""
 
 
 class CartesianOptions(BodyWithRules):
@@ -274,49 +272,43 @@ class CartesianOptions(BodyWithRules):
         "branch_changes": ("waypoints",),
     }
 
-    motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = (
-        Field(None, description="one line to the goal if left out")
-    )
-    max_deviation: Deviation = Field(
-        1e-4, description="of the tool's origin from its motion, for every instant [m]"
-    )
-    max_orientation_deviation: Deviation = Field(
-        1e-3, description="of its orientation from that at the same place [rad]"
-    )
-    orientation: Literal["slerp", "free"] = Field(
-        "slerp", description="about an axis that keeps still, or only the origin is led"
-    )
-    allow_partial: bool = Field(False, description="a motion that ends early is an answer too")
-    blend: Blend = Field(
-        0.0,
-        description="corners are rounded by curves that begin and end at most so far from them, "
-        "and the tool runs through; it rests at corners if 0 [m]",
-    )
+    motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = None
+    """one line to the goal if left out"""
+    max_deviation: Deviation = 1e-4
+    """of the tool's origin from its motion, for every instant [m]"""
+    max_orientation_deviation: Deviation = 1e-3
+    """of its orientation from that at the same place [rad]"""
+    orientation: Literal["slerp", "free"] = "slerp"
+    """about an axis that keeps still, or only the origin is led"""
+    allow_partial: bool = False
+    """a motion that ends early is an answer too"""
+    blend: Blend = 0.0
+    """corners are rounded by curves that begin and end at most so far from them, and the tool runs
+    through; it rests at corners if 0 [m]
+    """
 
     waypoints: Annotated[list[Waypoint], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = (
-        Field(None, description="of a seam, in place of motions; the goal may be left out then")
+        None
     )
-    tolerance: ToolTolerance | None = Field(
-        None, description="of all waypoints: by how much the tool may deviate; exact if left out"
-    )
-    through: Literal["polyline", "spline"] | None = Field(
-        None,
-        description="lines between waypoints, also if left out; or arcs through the middles of a "
-        "cubic spline, which a note measures against the lines: corners above 60 degrees stay",
-    )
-    tool_speed: Speed | None = Field(
-        None, description="to be kept on the way to waypoints that have none of their own [m/s]"
-    )
-    speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        0.1, description="largest difference from tool_speed, as part of it"
-    )
-    approach: StraightOffset | None = Field(None, description="to the first waypoint")
-    retreat: StraightOffset | None = Field(None, description="from the last waypoint")
-    branch_changes: StraightOffset | None = Field(
-        None,
-        description="retreat from a waypoint after which the arm may come back in another branch "
-        "of its inverse kinematics; a seam that needs one is refused if left out",
-    )
+    """of a seam, in place of motions; the goal may be left out then"""
+    tolerance: ToolTolerance | None = None
+    """of all waypoints: by how much the tool may deviate; exact if left out"""
+    through: Literal["polyline", "spline"] | None = None
+    """lines between waypoints, also if left out; or arcs through the middles of a cubic spline,
+    which a note measures against the lines: corners above 60 degrees stay
+    """
+    tool_speed: Speed | None = None
+    """to be kept on the way to waypoints that have none of their own [m/s]"""
+    speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
+    """largest difference from tool_speed, as part of it"""
+    approach: StraightOffset | None = None
+    """to the first waypoint"""
+    retreat: StraightOffset | None = None
+    """from the last waypoint"""
+    branch_changes: StraightOffset | None = None
+    """retreat from a waypoint after which the arm may come back in another branch of its inverse
+    kinematics; a seam that needs one is refused if left out
+    """
 
     @model_validator(mode="after")
     def _check_seam(self) -> "CartesianOptions":
@@ -395,26 +387,22 @@ class TimedToolMotion(ToolCurve):
         },
     )
 
-    rounds: RoundedCorner | None = Field(None, description='the corner that a "corner" rounds')
-    start: PoseInFrame | None = Field(
-        None,
-        description="of the tip where it begins; where the motion before ends if left out, of the "
-        "first one where the tool is at the start of the trajectory",
-    )
-    begins: NonNegative | None = Field(
-        None,
-        description="when it begins [s]; when the motion before ends if left out, the tool is free "
-        "in between if later",
-    )
-    part: Literal["motion", "approach", "seam", "retreat"] = Field(
-        "motion", description='of a "seam" tolerance and tool_speed hold'
-    )
-    tolerance: ToolTolerance | None = Field(
-        None, description="by how much the tool may deviate in this motion"
-    )
-    tool_speed: Speed | None = Field(
-        None, description='of a "seam": to be kept in this motion [m/s]; that of all if left out'
-    )
+    rounds: RoundedCorner | None = None
+    """the corner that a "corner" rounds"""
+    start: PoseInFrame | None = None
+    """of the tip where it begins; where the motion before ends if left out, of the first one where
+    the tool is at the start of the trajectory
+    """
+    begins: NonNegative | None = None
+    """when it begins [s]; when the motion before ends if left out, the tool is free in between if
+    later
+    """
+    part: Literal["motion", "approach", "seam", "retreat"] = "motion"
+    """of a "seam" tolerance and tool_speed hold"""
+    tolerance: ToolTolerance | None = None
+    """by how much the tool may deviate in this motion"""
+    tool_speed: Speed | None = None
+    """of a "seam": to be kept in this motion [m/s]; that of all if left out"""
 
     @model_validator(mode="after")
     def _check_speed(self) -> "TimedToolMotion":
@@ -430,40 +418,28 @@ class TimedToolMotion(ToolCurve):
 class TimedToolMotions(Body):
     """Motions of the tool that a trajectory is held to, in turn."""
 
-    motions: Annotated[list[TimedToolMotion], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)] = (
-        Field(description="lines, arcs and corners, in their order")
-    )
-    begins: NonNegative | None = Field(
-        None,
-        description="when the first motion begins [s]; at the start of the trajectory if left out",
-    )
-    ends: Ends | None = Field(
-        None,
-        description="when each motion ends [s], as tool_motions of a plan tell it; the end of the "
-        "trajectory if left out, for one motion",
-    )
-    tolerance: ToolTolerance | None = Field(
-        None,
-        description="by how much the tool may deviate in motions that are parts of a seam and have "
-        "no tolerance of their own; the deviations are added on all sides",
-    )
-    tool_speed: Speed | None = Field(
-        None,
-        description="to be kept in motions that are parts of a seam and have none of their own "
-        "[m/s]",
-    )
-    speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        0.1, description="largest difference from tool_speed, as part of it"
-    )
-    max_deviation: Deviation = Field(
-        1e-4, description="of the tool's origin from its motion, for every instant [m]"
-    )
-    max_orientation_deviation: Deviation = Field(
-        1e-3, description="of its orientation from that at the same place [rad]"
-    )
-    orientation: Literal["slerp", "free"] = Field(
-        "slerp", description="about an axis that keeps still, or only the origin is led"
-    )
+    motions: Annotated[list[TimedToolMotion], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
+    """lines, arcs and corners, in their order"""
+    begins: NonNegative | None = None
+    """when the first motion begins [s]; at the start of the trajectory if left out"""
+    ends: Ends | None = None
+    """when each motion ends [s], as tool_motions of a plan tell it; the end of the trajectory if
+    left out, for one motion
+    """
+    tolerance: ToolTolerance | None = None
+    """by how much the tool may deviate in motions that are parts of a seam and have no tolerance of
+    their own; the deviations are added on all sides
+    """
+    tool_speed: Speed | None = None
+    """to be kept in motions that are parts of a seam and have none of their own [m/s]"""
+    speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
+    """largest difference from tool_speed, as part of it"""
+    max_deviation: Deviation = 1e-4
+    """of the tool's origin from its motion, for every instant [m]"""
+    max_orientation_deviation: Deviation = 1e-3
+    """of its orientation from that at the same place [rad]"""
+    orientation: Literal["slerp", "free"] = "slerp"
+    """about an axis that keeps still, or only the origin is led"""
 
     @model_validator(mode="after")
     def _check_ends(self) -> "TimedToolMotions":
@@ -503,65 +479,75 @@ def cartesian_options(given: Mapping[str, Any] | None) -> CartesianOptions:
 class CornerArcAnswer(Answer):
     """The arc that leads to a rounded corner, or away from it."""
 
-    center: list[float] = Field(description="[m]")
-    normal: list[float] = Field(description="axis that it turns about")
+    center: list[float]
+    """[m]"""
+    normal: list[float]
+    """axis that it turns about"""
 
 
 class RoundedCornerAnswer(Answer):
     """The corner that a motion rounds."""
 
-    pose: PoseAnswer = Field(description="of the tip at the corner, which the tool passes by")
-    slope: float = Field(
-        description="rate at which the tool leaves the motion before, and joins the one after"
-    )
-    before: CornerArcAnswer | None = Field(
-        description="arc that leads to the corner; null for a line"
-    )
-    after: CornerArcAnswer | None = Field(
-        description="arc that leads away from it; null for a line"
-    )
+    pose: PoseAnswer
+    """of the tip at the corner, which the tool passes by"""
+    slope: float
+    """rate at which the tool leaves the motion before, and joins the one after"""
+    before: CornerArcAnswer | None
+    """arc that leads to the corner; null for a line"""
+    after: CornerArcAnswer | None
+    """arc that leads away from it; null for a line"""
 
 
 class SpeedLimitAnswer(Answer):
     """Limit of a joint that keeps the tool below the speed asked for."""
 
-    speed: float = Field(description="largest constant speed of the tool that it allows [m/s]")
-    joint: str = Field(description="name of the joint")
-    quantity: Literal["velocity", "acceleration", "jerk"] = Field(description="which limit of it")
+    speed: float
+    """largest constant speed of the tool that it allows [m/s]"""
+    joint: str
+    """name of the joint"""
+    quantity: Literal["velocity", "acceleration", "jerk"]
+    """which limit of it"""
 
 
 class ToolMotionAnswer(Answer):
     """Result of one tool motion."""
 
-    type: Literal["lin", "circ", "corner"] = Field(description="line, arc or rounded corner")
-    length: float = Field(description="of the whole of it [m]")
-    angle: float = Field(description="how far the tool turns in the whole of it [rad]")
-    rotation: Turning = Field("shorter", description="which way round it turns")
-    fraction: float = Field(description="how far it was carried out")
-    begins: float = Field(description="[s]")
-    ends: float = Field(description="[s]")
-    motion: int = Field(
-        description="index of the motion of the request that it is a part of; of "
-        "a seam, of the waypoint that it leaves"
-    )
-    part: Literal["motion", "approach", "seam", "retreat"] = Field(
-        description="a motion of the request, or the way to, along or from a seam"
-    )
-    blend: bool = Field(description="it rounds the corner at the end of that motion")
-    pose: PoseAnswer = Field(description="of the tip where it ends, carried out in full")
-    start: PoseAnswer | None = Field(
-        None, description="of the tip where it begins; null where the motion before ends"
-    )
-    center: list[float] | None = Field(description="of an arc [m]")
-    normal: list[float] | None = Field(description="axis that an arc turns about")
-    rounds: RoundedCornerAnswer | None = Field(
-        None, description="the corner that a motion of type corner rounds"
-    )
-    speed_limit: SpeedLimitAnswer | None = Field(
-        None,
-        description="what keeps the tool below timing.tool_speed in it; null where nothing does, "
-        "or none is asked for. Before and after, the tool slows down and speeds up",
-    )
+    type: Literal["lin", "circ", "corner"]
+    """line, arc or rounded corner"""
+    length: float
+    """of the whole of it [m]"""
+    angle: float
+    """how far the tool turns in the whole of it [rad]"""
+    rotation: Turning = "shorter"
+    """which way round it turns"""
+    fraction: float
+    """how far it was carried out"""
+    begins: float
+    """[s]"""
+    ends: float
+    """[s]"""
+    motion: int
+    """index of the motion of the request that it is a part of; of a seam, of the waypoint that it
+    leaves
+    """
+    part: Literal["motion", "approach", "seam", "retreat"]
+    """a motion of the request, or the way to, along or from a seam"""
+    blend: bool
+    """it rounds the corner at the end of that motion"""
+    pose: PoseAnswer
+    """of the tip where it ends, carried out in full"""
+    start: PoseAnswer | None = None
+    """of the tip where it begins; null where the motion before ends"""
+    center: list[float] | None
+    """of an arc [m]"""
+    normal: list[float] | None
+    """axis that an arc turns about"""
+    rounds: RoundedCornerAnswer | None = None
+    """the corner that a motion of type corner rounds"""
+    speed_limit: SpeedLimitAnswer | None = None
+    """what keeps the tool below timing.tool_speed in it; null where nothing does, or none is asked
+    for. Before and after, the tool slows down and speeds up
+    """
 
     @property
     def as_motion(self) -> ToolMotion | TimedToolMotion:
@@ -578,6 +564,9 @@ class ToolMotionAnswer(Answer):
 class ReferencePoseAnswer(Answer):
     """The pose that the tool is held to at an instant: deviations are measured from it."""
 
-    time: float = Field(description="the instant, drawn by the seed of the request [s]")
-    motion: int = Field(description="index of the tool motion that it is on")
-    pose: PoseAnswer = Field(description="of the tip at the place of the motion nearest to it")
+    time: float
+    """the instant, drawn by the seed of the request [s]"""
+    motion: int
+    """index of the tool motion that it is on"""
+    pose: PoseAnswer
+    """of the tip at the place of the motion nearest to it"""

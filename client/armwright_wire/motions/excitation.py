@@ -23,24 +23,22 @@ class ExcitationRequest(WithFingers, WithTool):
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
-    start: JointVector | None = Field(
-        None, description="where it begins and ends, at rest; the middle of the limits if left out"
-    )
-    period: Annotated[float, Field(ge=0.1, le=600.0)] = Field(10.0, description="its duration [s]")
-    harmonics: Annotated[int, Field(ge=3, le=20)] = Field(
-        5, description="sines and cosines of each joint, of 1, 2, ... turns in a period"
-    )
-    drives: Drives | None = Field(
-        None, description="parameters of the drives to be found too; all four if left out"
-    )
-    velocity_scaling: Ratio = Field(1.0, description="share of the velocity limits")
-    acceleration_scaling: Ratio = Field(1.0, description="share of the acceleration limits")
-    evaluations: Annotated[int, Field(ge=1, le=100_000)] = Field(
-        600, description="motions that are tried, about a millisecond each"
-    )
-    sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = Field(
-        None, description="samples are answered at this period [s], else none"
-    )
+    start: JointVector | None = None
+    """where it begins and ends, at rest; the middle of the limits if left out"""
+    period: Annotated[float, Field(ge=0.1, le=600.0)] = 10.0
+    """its duration [s]"""
+    harmonics: Annotated[int, Field(ge=3, le=20)] = 5
+    """sines and cosines of each joint, of 1, 2, ... turns in a period"""
+    drives: Drives | None = None
+    """parameters of the drives to be found too; all four if left out"""
+    velocity_scaling: Ratio = 1.0
+    """share of the velocity limits"""
+    acceleration_scaling: Ratio = 1.0
+    """share of the acceleration limits"""
+    evaluations: Annotated[int, Field(ge=1, le=100_000)] = 600
+    """motions that are tried, about a millisecond each"""
+    sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = None
+    """samples are answered at this period [s], else none"""
     seed: Seed = 0
     timeout: Timeout | None = None
 
@@ -50,8 +48,9 @@ class ExcitationAnswer(Answer):
 
     trajectory: TrajectoryAnswer
     certificate: CertificateAnswer
-    condition: float = Field(
-        description="condition number of the base regressor along it, columns scaled to length 1"
-    )
-    base_parameters: list[str] = Field(description="combinations that its logs determine")
-    notes: list[str] = Field(default_factory=list, description="what was done to the request")
+    condition: float
+    """condition number of the base regressor along it, columns scaled to length 1"""
+    base_parameters: list[str]
+    """combinations that its logs determine"""
+    notes: list[str] = Field(default_factory=list)
+    """what was done to the request"""

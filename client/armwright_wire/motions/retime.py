@@ -55,70 +55,73 @@ _STATE_TIMING = {
 class PathBody(Body):
     """Waypoints in joint space."""
 
-    joints: Waypoints = Field(description="waypoints in their order [rad or m]")
-    joint_names: Names | None = Field(None, description="where no robot is named")
+    joints: Waypoints
+    """waypoints in their order [rad or m]"""
+    joint_names: Names | None = None
+    """where no robot is named"""
 
 
 class RetimePath(PathBody):
     """Waypoints in joint space, and what is to lead through them or near them."""
 
-    tolerance: Positive | None = Field(
-        None,
-        description="how far the motion may be from the straight lines through the waypoints, in "
-        "any joint at every place: few of them, or a smooth curve, stand for all [rad or m]",
-        examples=[0.001],
-    )
-    knots: Annotated[list[Number], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = Field(
-        None, description="of a spline, strictly increasing; times for the method spline [s]"
-    )
+    tolerance: Positive | None = Field(None, examples=[0.001])
+    """how far the motion may be from the straight lines through the waypoints, in any joint at
+    every place: few of them, or a smooth curve, stand for all [rad or m]
+    """
+    knots: Annotated[list[Number], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = None
+    """of a spline, strictly increasing; times for the method spline [s]"""
 
 
 class LimitsAt(Body):
     """Limits along a stretch of a path, beside those of the whole motion."""
 
-    begin: NonNegative = Field(
-        alias="from",
-        description="waypoint at which it begins, counted from 0, between two where it has a "
-        "fraction; by length: that of straight lines through the waypoints [rad or m]",
-    )
-    end: NonNegative = Field(alias="to", description="where it ends, likewise")
-    by: Literal["waypoint", "length"] = Field(
-        "waypoint", description="count of from and to: waypoints, or Euclidean length"
-    )
-    velocity: JointRow | None = Field(None, description="of each joint [rad/s or m/s]")
-    acceleration: JointRow | None = Field(None, description="of each joint [rad/s² or m/s²]")
-    tool_speed: Positive | None = Field(None, description="of the tip, with a robot [m/s]")
+    begin: NonNegative = Field(alias="from")
+    """waypoint at which it begins, counted from 0, between two where it has a fraction; by length:
+    that of straight lines through the waypoints [rad or m]
+    """
+    end: NonNegative = Field(alias="to")
+    """where it ends, likewise"""
+    by: Literal["waypoint", "length"] = "waypoint"
+    """count of from and to: waypoints, or Euclidean length"""
+    velocity: JointRow | None = None
+    """of each joint [rad/s or m/s]"""
+    acceleration: JointRow | None = None
+    """of each joint [rad/s² or m/s²]"""
+    tool_speed: Positive | None = None
+    """of the tip, with a robot [m/s]"""
 
 
 class RetimeTiming(Timing):
     """Options of the timing."""
 
-    times: Annotated[list[Number], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = Field(
-        None,
-        description="at the waypoints, for the methods spline and jerk_limited, from any "
-        "number on [s]. By spline limits that are not known are not needed: the motion's peaks are "
-        "reported. By jerk_limited all limits hold, or the first leg that takes longer is named",
-    )
+    times: Annotated[list[Number], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = None
+    """at the waypoints, for the methods spline and jerk_limited, from any number on [s]. By spline
+    limits that are not known are not needed: the motion's peaks are reported. By jerk_limited all
+    limits hold, or the first leg that takes longer is named
+    """
     velocities: Annotated[list[JointVector | None], Field(max_length=MAX_WAYPOINTS)] | None = Field(
-        None,
-        description="at the waypoints beside times, for jerk_limited; null where any will do. Left "
-        "out, the motion rests at its ends [rad/s or m/s]",
-        examples=[[[0.0, 0.0], None, [0.0, 0.0]]],
+        None, examples=[[[0.0, 0.0], None, [0.0, 0.0]]]
     )
-    start_velocity: JointVector | None = Field(
-        None,
-        description="along the path; at rest if left out. A spline with times takes any: this end "
-        "is clamped to it, of natural_spline too, whose other end stays natural",
-    )
-    end_velocity: JointVector | None = Field(None, description="likewise, at the end")
+    """at the waypoints beside times, for jerk_limited; null where any will do. Left out, the motion
+    rests at its ends [rad/s or m/s]
+    """
+    start_velocity: JointVector | None = None
+    """along the path; at rest if left out. A spline with times takes any: this end is clamped to
+    it, of natural_spline too, whose other end stays natural
+    """
+    end_velocity: JointVector | None = None
+    """likewise, at the end"""
 
 
 class JointStateBody(Body):
     """Position, velocity and acceleration of all joints."""
 
-    position: JointVector = Field(description="[rad or m]")
-    velocity: JointVector | None = Field(None, description="at rest if left out [rad/s or m/s]")
-    acceleration: JointVector | None = Field(None, description="zero if left out [rad/s² or m/s²]")
+    position: JointVector
+    """[rad or m]"""
+    velocity: JointVector | None = None
+    """at rest if left out [rad/s or m/s]"""
+    acceleration: JointVector | None = None
+    """zero if left out [rad/s² or m/s²]"""
 
 
 #: A path is timed alone: what belongs to two states is left out beside it.
@@ -154,38 +157,30 @@ class RetimeRequest(WithTool):
     )
 
     path: RetimePath | None = None
-    start: JointStateBody | None = Field(
-        None, alias="from", description="in place of a path: the state to begin with"
-    )
-    end: JointStateBody | None = Field(
-        None, alias="to", description="in place of a path: the state to end with"
-    )
-    joint_names: Names | None = Field(
-        None, description="of the two states, where no robot is named"
-    )
-    synchronization: Literal["phase", "time"] | None = Field(
-        None,
-        description="of the joints between two states: phase (if left out) for a straight line "
-        "where the states allow one, time for arriving together only",
-    )
-    robot: Name | None = Field(
-        None,
-        examples=["panda"],
-        description="name of a stored or built-in robot, whose limits hold where none are given",
-    )
+    start: JointStateBody | None = Field(None, alias="from")
+    """in place of a path: the state to begin with"""
+    end: JointStateBody | None = Field(None, alias="to")
+    """in place of a path: the state to end with"""
+    joint_names: Names | None = None
+    """of the two states, where no robot is named"""
+    synchronization: Literal["phase", "time"] | None = None
+    """of the joints between two states: phase (if left out) for a straight line where the states
+    allow one, time for arriving together only
+    """
+    robot: Name | None = Field(None, examples=["panda"])
+    """name of a stored or built-in robot, whose limits hold where none are given"""
     limits: LimitsBody | None = None
     limits_at: Annotated[list[LimitsAt], Field(max_length=MAX_STRETCHES)] | None = Field(
-        None,
-        description="limits along stretches of the path, beside the others; where stretches "
-        "overlap, the tighter ones hold. Not for the method spline",
-        examples=[[{"from": 2, "to": 5, "tool_speed": 0.1}]],
+        None, examples=[[{"from": 2, "to": 5, "tool_speed": 0.1}]]
     )
+    """limits along stretches of the path, beside the others; where stretches overlap, the tighter
+    ones hold. Not for the method spline
+    """
     timing: RetimeTiming = Field(default_factory=RetimeTiming)
-    stops: Literal["none", "path"] = Field(
-        "none",
-        description="path: prove that the arm can come to rest along its path from every instant; "
-        "stops of single joints leave it, plan and validate prove these",
-    )
+    stops: Literal["none", "path"] = "none"
+    """path: prove that the arm can come to rest along its path from every instant; stops of single
+    joints leave it, plan and validate prove these
+    """
     timeout: Timeout | None = None
 
     @model_validator(mode="after")
@@ -212,42 +207,37 @@ class RetimeRequest(WithTool):
 class RetimeAnswer(Answer):
     """A timed path, and what was proved of its limits."""
 
-    status: Literal["success", "unverified"] = Field(
-        description="success where the certificate is verified; unverified where times or states "
-        "that were given break limits, or nothing is known of them"
-    )
+    status: Literal["success", "unverified"]
+    """success where the certificate is verified; unverified where times or states that were given
+    break limits, or nothing is known of them
+    """
     trajectory: TrajectoryAnswer
-    certificate: CertificateAnswer = Field(
-        description="of the limits alone; not verified where times that were given break them"
-    )
-    factor: float = Field(description="times that were given were stretched by this")
-    needed_factor: float | None = Field(
-        description="times have to be stretched by this for all limits to hold; 1 if they do, null "
-        "where no stretching cures what is wrong: outside a joint's range, or a jump"
-    )
-    timing: TimingAnswer | None = Field(None, description="method and limits of its timing")
-    notes: list[str] = Field(default_factory=list, description="what is special about the path")
-    peaks: dict[str, list[float]] = Field(
-        default_factory=dict,
-        description="exact largest |velocity|, |acceleration| and |jerk| of each joint; jerk "
-        "within the pieces",
-    )
+    certificate: CertificateAnswer
+    """of the limits alone; not verified where times that were given break them"""
+    factor: float
+    """times that were given were stretched by this"""
+    needed_factor: float | None
+    """times have to be stretched by this for all limits to hold; 1 if they do, null where no
+    stretching cures what is wrong: outside a joint's range, or a jump
+    """
+    timing: TimingAnswer | None = None
+    """method and limits of its timing"""
+    notes: list[str] = Field(default_factory=list)
+    """what is special about the path"""
+    peaks: dict[str, list[float]] = Field(default_factory=dict)
+    """exact largest |velocity|, |acceleration| and |jerk| of each joint; jerk within the pieces"""
 
 
 class ConvertRequest(Body):
     """A motion to be told in another shape."""
 
     trajectory: TrajectoryBody
-    sample_period: Annotated[NonNegative, Field(ge=1e-4, le=60.0)] = Field(
-        examples=[0.01], description="time between samples [s]"
-    )
-    format: Literal["joint_trajectory", "csv"] = Field(
-        "joint_trajectory",
-        description="the message trajectory_msgs/JointTrajectory as JSON, or a table",
-    )
-    frame_id: Annotated[str, Field(max_length=256)] = Field(
-        "", description="of the message's header"
-    )
+    sample_period: Annotated[NonNegative, Field(ge=1e-4, le=60.0)] = Field(examples=[0.01])
+    """time between samples [s]"""
+    format: Literal["joint_trajectory", "csv"] = "joint_trajectory"
+    """the message trajectory_msgs/JointTrajectory as JSON, or a table"""
+    frame_id: Annotated[str, Field(max_length=256)] = ""
+    """of the message's header"""
 
     @model_validator(mode="after")
     def _check_form(self) -> "ConvertRequest":
@@ -259,18 +249,21 @@ class ConvertRequest(Body):
 class JointTrajectoryAnswer(Answer):
     """The message trajectory_msgs/JointTrajectory."""
 
-    header: dict[str, Any] = Field(description="with `stamp` and `frame_id`")
-    joint_names: list[str] = Field(description="names of the columns")
-    points: list[dict[str, Any]] = Field(
-        description="positions, velocities and accelerations with `time_from_start`"
-    )
+    header: dict[str, Any]
+    """with `stamp` and `frame_id`"""
+    joint_names: list[str]
+    """names of the columns"""
+    points: list[dict[str, Any]]
+    """positions, velocities and accelerations with `time_from_start`"""
 
 
 class TipTolerance(Body):
     """Largest distance of the tool from where a path leads it, at every place."""
 
-    position: Positive | None = Field(None, description="of the tip's origin [m]")
-    orientation: Positive | None = Field(None, description="angle of the tip [rad]")
+    position: Positive | None = None
+    """of the tip's origin [m]"""
+    orientation: Positive | None = None
+    """angle of the tip [rad]"""
 
 
 #: Fields that mean nothing without a robot.
@@ -292,22 +285,15 @@ class SimplifyRequest(WithTool, WithFingers):
     model_config = ConfigDict(json_schema_extra={"examples": examples("SimplifyRequest")})
 
     path: PathBody
-    tolerance: NonNegative | None = Field(
-        None,
-        description="largest distance of any joint from the path, at every place [rad or m]; may "
-        "be left out beside tool_tolerance",
-        examples=[0.001],
-    )
-    tool_tolerance: TipTolerance | None = Field(
-        None,
-        description="largest distance of the tool at every place, by the longest arms of the "
-        "joints; with a robot",
-    )
-    robot: Name | None = Field(
-        None,
-        examples=["panda"],
-        description="name of a stored or built-in robot, against which the answer is proved",
-    )
+    tolerance: NonNegative | None = Field(None, examples=[0.001])
+    """largest distance of any joint from the path, at every place [rad or m]; may be left out
+    beside tool_tolerance
+    """
+    tool_tolerance: TipTolerance | None = None
+    """largest distance of the tool at every place, by the longest arms of the joints; with a robot
+    """
+    robot: Name | None = Field(None, examples=["panda"])
+    """name of a stored or built-in robot, against which the answer is proved"""
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
     attached: AttachedObjects | None = None
@@ -327,26 +313,26 @@ class SimplifyRequest(WithTool, WithFingers):
 class SimplifyAnswer(Answer):
     """The fewest waypoints within the tolerance, and what was proved of the lines between."""
 
-    status: Literal["success", "unverified"] = Field(
-        description="success; unverified where a robot is named and the lines are not proved"
-    )
-    joints: list[list[float]] = Field(description="waypoints that stay [rad or m]")
-    waypoints: list[int] = Field(description="their numbers in the path given, from 0")
-    left_out: int = Field(description="number of waypoints that are left out")
-    deviation: float = Field(
-        description="bound of the distance of any joint from the path, at every place [rad or m]"
-    )
-    tool_deviation: dict[str, float | None] | None = Field(
-        None,
-        description="bounds of the tool's position [m] and orientation [rad], null for one without "
-        "a tolerance; null without tool_tolerance",
-    )
-    certificate: CertificateAnswer | None = Field(
-        None,
-        description="of positions and collisions, with a robot; leg i is run through from rest to "
-        "rest from the time i - 1 to i",
-    )
-    notes: list[str] = Field(default_factory=list, description="what is special about the path")
+    status: Literal["success", "unverified"]
+    """success; unverified where a robot is named and the lines are not proved"""
+    joints: list[list[float]]
+    """waypoints that stay [rad or m]"""
+    waypoints: list[int]
+    """their numbers in the path given, from 0"""
+    left_out: int
+    """number of waypoints that are left out"""
+    deviation: float
+    """bound of the distance of any joint from the path, at every place [rad or m]"""
+    tool_deviation: dict[str, float | None] | None = None
+    """bounds of the tool's position [m] and orientation [rad], null for one without a tolerance;
+    null without tool_tolerance
+    """
+    certificate: CertificateAnswer | None = None
+    """of positions and collisions, with a robot; leg i is run through from rest to rest from the
+    time i - 1 to i
+    """
+    notes: list[str] = Field(default_factory=list)
+    """what is special about the path"""
 
 
 class FitRequest(WithTool):
@@ -354,18 +340,18 @@ class FitRequest(WithTool):
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("FitRequest")})
 
-    samples: Samples = Field(
-        description="times and positions; between samples joints move evenly, velocities and "
-        "accelerations are not read"
-    )
-    joint_names: Names | None = Field(None, description="where no robot is named")
-    tolerance: Positive = Field(
-        description="largest distance of any joint from the record, at every instant [rad or m]"
-    )
-    robot: Name | None = Field(
-        None, description="name of a stored or built-in robot, against which the answer is proved"
-    )
-    rest: bool = Field(False, description="begin and end without velocity")
+    samples: Samples
+    """times and positions; between samples joints move evenly, velocities and accelerations are not
+    read
+    """
+    joint_names: Names | None = None
+    """where no robot is named"""
+    tolerance: Positive
+    """largest distance of any joint from the record, at every instant [rad or m]"""
+    robot: Name | None = None
+    """name of a stored or built-in robot, against which the answer is proved"""
+    rest: bool = False
+    """begin and end without velocity"""
     timeout: Timeout | None = None
 
     @model_validator(mode="after")
@@ -378,13 +364,10 @@ class FitRequest(WithTool):
 class FitAnswer(Answer):
     """Cubics with continuous accelerations that stand for a recorded motion."""
 
-    status: Literal["success", "unverified"] = Field(
-        description="success; unverified where a robot is named and the motion is not proved"
-    )
+    status: Literal["success", "unverified"]
+    """success; unverified where a robot is named and the motion is not proved"""
     trajectory: TrajectoryAnswer
-    deviation: float = Field(
-        description="bound of the distance of any joint at every instant [rad or m]"
-    )
-    certificate: CertificateAnswer | None = Field(
-        None, description="with a robot: of its limits, and of collisions with itself"
-    )
+    deviation: float
+    """bound of the distance of any joint at every instant [rad or m]"""
+    certificate: CertificateAnswer | None = None
+    """with a robot: of its limits, and of collisions with itself"""

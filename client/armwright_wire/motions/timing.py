@@ -17,100 +17,90 @@ TimingSolver = Literal["reachability", "toppra", "quintic_spline", "double_s", "
 class Timing(Body):
     """Options of the timing."""
 
-    method: TimingMethod | None = Field(
-        None,
-        description="left out: jerk_limited, with the robot's jerk limits, and 25 x acceleration "
-        "for joints that have none, which the answer tells; toppra for the least time. A path "
-        "without a robot and without jerk limits is timed by toppra",
-        examples=["jerk_limited"],
-    )
-    solver: TimingSolver | None = Field(
-        None,
-        description="of jerk_limited: quintic_spline (fewest pieces, where proved), double_s (few "
-        "pieces, on the path) or interior_point (nearly the least time); the first where method is "
-        "left out, else the last. Of toppra: reachability (ours) if left out; toppra runs the "
-        "package of that name, slows its answer down until all limits hold between its grid "
-        "points too, and tells in the notes what that costs",
-    )
-    velocity_scaling: Ratio | None = Field(
-        None, description="share of the velocity limits; 1 if left out"
-    )
-    acceleration_scaling: Ratio | None = Field(
-        None, description="share of the acceleration limits; 1 if left out"
-    )
-    jerk_scaling: Ratio | None = Field(None, description="share of the jerk limits; 1 if left out")
-    times: Annotated[list[NonNegative], Field(min_length=2, max_length=MAX_TIMES)] | None = Field(
-        None, description="at the waypoints, for the method spline; from 0, increasing [s]"
-    )
-    scale_times: bool | None = Field(
-        None, description="stretch the times by the least factor that keeps all limits"
-    )
-    interpolation: Literal["linear", "natural_spline", "clamped_spline"] | None = Field(
-        None, description="between waypoints: straight lines, or a cubic spline kept exactly"
-    )
-    blend_tolerance: NonNegative | None = Field(
-        None, description="how far straight lines' corners may be cut, Euclidean in joint space"
-    )
-    torque_limits: bool | None = Field(None, description="keep the robot's effort limits too")
-    payload: Payload | None = Field(None, description="what the tip carries, for torques")
-    tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
-    duration: Positive | None = Field(
-        None,
-        description="the motion is slowed down to this duration; refused where it takes longer. Of "
-        "plan and retime, not of motions that lead the tool [s]",
-        examples=[2.0],
-    )
-    at_least: bool | None = Field(
-        None, description="a motion that takes longer than the duration stays as it is"
-    )
-    sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = Field(
-        None, description="samples are answered at this period [s], else none"
-    )
-    sample_count: Annotated[int, Field(ge=2, le=MAX_TIMES)] | None = Field(
-        None,
-        description="so many samples are answered, evenly spaced, in place of a period. Of plan "
-        "and retime",
-    )
+    method: TimingMethod | None = Field(None, examples=["jerk_limited"])
+    """left out: jerk_limited, with the robot's jerk limits, and 25 x acceleration for joints that
+    have none, which the answer tells; toppra for the least time. A path without a robot and without
+    jerk limits is timed by toppra
+    """
+    solver: TimingSolver | None = None
+    """of jerk_limited: quintic_spline (fewest pieces, where proved), double_s (few pieces, on the
+    path) or interior_point (nearly the least time); the first where method is left out, else the
+    last. Of toppra: reachability (ours) if left out; toppra runs the package of that name, slows
+    its answer down until all limits hold between its grid points too, and tells in the notes what
+    that costs
+    """
+    velocity_scaling: Ratio | None = None
+    """share of the velocity limits; 1 if left out"""
+    acceleration_scaling: Ratio | None = None
+    """share of the acceleration limits; 1 if left out"""
+    jerk_scaling: Ratio | None = None
+    """share of the jerk limits; 1 if left out"""
+    times: Annotated[list[NonNegative], Field(min_length=2, max_length=MAX_TIMES)] | None = None
+    """at the waypoints, for the method spline; from 0, increasing [s]"""
+    scale_times: bool | None = None
+    """stretch the times by the least factor that keeps all limits"""
+    interpolation: Literal["linear", "natural_spline", "clamped_spline"] | None = None
+    """between waypoints: straight lines, or a cubic spline kept exactly"""
+    blend_tolerance: NonNegative | None = None
+    """how far straight lines' corners may be cut, Euclidean in joint space"""
+    torque_limits: bool | None = None
+    """keep the robot's effort limits too"""
+    payload: Payload | None = None
+    """what the tip carries, for torques"""
+    tool_speed: Positive | None = None
+    """largest speed of the tip [m/s]"""
+    duration: Positive | None = Field(None, examples=[2.0])
+    """the motion is slowed down to this duration; refused where it takes longer. Of plan and
+    retime, not of motions that lead the tool [s]
+    """
+    at_least: bool | None = None
+    """a motion that takes longer than the duration stays as it is"""
+    sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = None
+    """samples are answered at this period [s], else none"""
+    sample_count: Annotated[int, Field(ge=2, le=MAX_TIMES)] | None = None
+    """so many samples are answered, evenly spaced, in place of a period. Of plan and retime"""
 
 
 class RuledLimits(Answer):
     """Limits that are not known and follow a rule."""
 
-    rule: str = Field(description="multiple of another limit", examples=["25 x acceleration"])
-    joints: list[str] = Field(description="that have no limit of their own")
+    rule: str = Field(examples=["25 x acceleration"])
+    """multiple of another limit"""
+    joints: list[str]
+    """that have no limit of their own"""
 
 
 class HeldLimits(Answer):
     """Limits that a motion keeps between two instants, beside those of all of it."""
 
-    begin: float = Field(alias="from", description="the first instant [s]")
-    end: float = Field(alias="to", description="the last instant [s]")
-    velocity: list[float | None] = Field(description="of each joint; null for none")
-    acceleration: list[float | None] = Field(description="of each joint; null for none")
-    tool_speed: float | None = Field(None, description="of the tip [m/s]; null for none")
+    begin: float = Field(alias="from")
+    """the first instant [s]"""
+    end: float = Field(alias="to")
+    """the last instant [s]"""
+    velocity: list[float | None]
+    """of each joint; null for none"""
+    acceleration: list[float | None]
+    """of each joint; null for none"""
+    tool_speed: float | None = None
+    """of the tip [m/s]; null for none"""
 
 
 class TimingAnswer(Answer):
     """Method and limits that a motion was timed by."""
 
-    method: TimingMethod = Field(description="that timed the motion")
-    solver: TimingSolver | None = Field(
-        None, description="that found the speeds; null where the method has one only"
-    )
-    limits: dict[str, list[float | None]] = Field(
-        description="velocity, acceleration and jerk of each joint, scaled; null for none"
-    )
-    ruled: dict[str, RuledLimits] = Field(
-        default_factory=dict, description="limits that the robot lacks, by quantity"
-    )
-    limits_at: list[HeldLimits] = Field(
-        default_factory=list, description="narrower limits, as the certificate judges them"
-    )
-    lower_bound: float | None = Field(
-        None,
-        description="no motion along the same way takes less within these limits of velocity and "
-        "acceleration [s]; null where it is not worked out",
-    )
-    gap: float | None = Field(
-        None, description="by how much the motion takes longer, as a part of the lower bound"
-    )
+    method: TimingMethod
+    """that timed the motion"""
+    solver: TimingSolver | None = None
+    """that found the speeds; null where the method has one only"""
+    limits: dict[str, list[float | None]]
+    """velocity, acceleration and jerk of each joint, scaled; null for none"""
+    ruled: dict[str, RuledLimits] = Field(default_factory=dict)
+    """limits that the robot lacks, by quantity"""
+    limits_at: list[HeldLimits] = Field(default_factory=list)
+    """narrower limits, as the certificate judges them"""
+    lower_bound: float | None = None
+    """no motion along the same way takes less within these limits of velocity and acceleration [s];
+    null where it is not worked out
+    """
+    gap: float | None = None
+    """by how much the motion takes longer, as a part of the lower bound"""

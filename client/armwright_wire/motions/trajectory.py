@@ -173,9 +173,12 @@ def _value(coefficients: Sequence[float], elapsed: float, derivative: int) -> fl
 class Segment(Body, Piece):
     """A polynomial piece: q_j(t) = Σ_k coefficients[j][k] (t − t0)^k for t0 ≤ t ≤ t1."""
 
-    t0: Number = Field(description="when the piece begins [s]")
-    t1: Number = Field(description="when the piece ends [s]")
-    coefficients: Coefficients = Field(description="[joint][power of t − t0]")
+    t0: Number
+    """when the piece begins [s]"""
+    t1: Number
+    """when the piece ends [s]"""
+    coefficients: Coefficients
+    """[joint][power of t − t0]"""
 
     @model_validator(mode="after")
     def _check_times(self) -> "Segment":
@@ -187,12 +190,14 @@ class Segment(Body, Piece):
 class Samples(Body):
     """Points of a motion, one row of joint values for each time."""
 
-    time: Annotated[list[Number], Field(min_length=1, max_length=MAX_SAMPLES)] = Field(
-        description="of each row, increasing [s]"
-    )
-    position: Rows = Field(description="of the joints [rad or m]")
-    velocity: Rows | None = Field(None, description="of the joints [rad/s or m/s]")
-    acceleration: Rows | None = Field(None, description="of the joints [rad/s² or m/s²]")
+    time: Annotated[list[Number], Field(min_length=1, max_length=MAX_SAMPLES)]
+    """of each row, increasing [s]"""
+    position: Rows
+    """of the joints [rad or m]"""
+    velocity: Rows | None = None
+    """of the joints [rad/s or m/s]"""
+    acceleration: Rows | None = None
+    """of the joints [rad/s² or m/s²]"""
 
     @model_validator(mode="after")
     def _check_lengths(self) -> "Samples":
@@ -210,19 +215,15 @@ class TrajectoryBody(Body, Pieces):
         json_schema_extra=any_given(("segments",), ("samples", "interpolation"))
     )
 
-    joint_names: Annotated[list[Label], Field(min_length=1, max_length=MAX_JOINTS)] | None = Field(
-        None, description="order of the joints; the robot's if left out"
-    )
-    duration: NonNegative | None = Field(
-        None, description="for people: the motion lasts as long as its segments or samples do [s]"
-    )
-    segments: Annotated[list[Segment], Field(min_length=1, max_length=MAX_SAMPLES)] | None = Field(
-        None, description="polynomial pieces, in the order of time"
-    )
+    joint_names: Annotated[list[Label], Field(min_length=1, max_length=MAX_JOINTS)] | None = None
+    """order of the joints; the robot's if left out"""
+    duration: NonNegative | None = None
+    """for people: the motion lasts as long as its segments or samples do [s]"""
+    segments: Annotated[list[Segment], Field(min_length=1, max_length=MAX_SAMPLES)] | None = None
+    """polynomial pieces, in the order of time"""
     samples: Samples | None = None
-    interpolation: Annotated[str, Field(pattern=r"^[a-z_]{1,32}$")] | None = Field(
-        None, description="how to read between samples: linear, cubic, quintic, natural_spline, …"
-    )
+    interpolation: Annotated[str, Field(pattern=r"^[a-z_]{1,32}$")] | None = None
+    """how to read between samples: linear, cubic, quintic, natural_spline, …"""
 
     @model_validator(mode="after")
     def _check_form(self) -> "TrajectoryBody":
@@ -237,37 +238,47 @@ class TrajectoryBody(Body, Pieces):
 class LimitsBody(Body):
     """Limits in the order of the joints, in place of the robot's."""
 
-    velocity: JointRow | None = Field(
-        None, description="largest speed of each joint [rad/s or m/s]"
-    )
-    acceleration: JointRow | None = Field(
-        None, description="largest acceleration of each joint [rad/s² or m/s²]"
-    )
-    jerk: JointRow | None = Field(None, description="largest jerk of each joint [rad/s³ or m/s³]")
-    effort: JointRow | None = Field(None, description="of torques, where these are limited")
+    velocity: JointRow | None = None
+    """largest speed of each joint [rad/s or m/s]"""
+    acceleration: JointRow | None = None
+    """largest acceleration of each joint [rad/s² or m/s²]"""
+    jerk: JointRow | None = None
+    """largest jerk of each joint [rad/s³ or m/s³]"""
+    effort: JointRow | None = None
+    """of torques, where these are limited"""
 
 
 class SegmentAnswer(Answer, Piece):
     """A polynomial piece, see `Segment`."""
 
-    t0: float = Field(description="when the piece begins [s]")
-    t1: float = Field(description="when the piece ends [s]")
-    coefficients: list[list[float]] = Field(description="[joint][power of t − t0]")
+    t0: float
+    """when the piece begins [s]"""
+    t1: float
+    """when the piece ends [s]"""
+    coefficients: list[list[float]]
+    """[joint][power of t − t0]"""
 
 
 class SamplesAnswer(Answer):
     """The motion at regular times."""
 
-    time: list[float] = Field(description="of each row, increasing [s]")
-    position: list[list[float]] = Field(description="of the joints [rad or m]")
-    velocity: list[list[float]] = Field(description="of the joints [rad/s or m/s]")
-    acceleration: list[list[float]] = Field(description="of the joints [rad/s² or m/s²]")
+    time: list[float]
+    """of each row, increasing [s]"""
+    position: list[list[float]]
+    """of the joints [rad or m]"""
+    velocity: list[list[float]]
+    """of the joints [rad/s or m/s]"""
+    acceleration: list[list[float]]
+    """of the joints [rad/s² or m/s²]"""
 
 
 class TrajectoryAnswer(Answer, Pieces):
     """A timed motion."""
 
-    joint_names: list[str] = Field(description="order of the joints")
-    duration: float = Field(description="of the motion [s]")
-    segments: list[SegmentAnswer] = Field(description="polynomial pieces, which are the motion")
+    joint_names: list[str]
+    """order of the joints"""
+    duration: float
+    """of the motion [s]"""
+    segments: list[SegmentAnswer]
+    """polynomial pieces, which are the motion"""
     samples: SamplesAnswer | None = None

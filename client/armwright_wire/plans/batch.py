@@ -1,13 +1,13 @@
 """Many planning problems in one request."""
 
 from copy import copy
-from typing import Any, Self, cast
+from typing import Any, ClassVar, Self, cast
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
 
-from armwright_wire.base import JOINTS_EXAMPLE, Answer, Body, Name, Timeout, is_given
+from armwright_wire.base import JOINTS_EXAMPLE, Answer, Body, Name, Timeout, Wire, is_given
 from armwright_wire.goals.goal import Goal, GoalLike, Start, as_goal
 from armwright_wire.plans.job import Problem
 from armwright_wire.plans.plan import PlanAnswer, PlanRequest
@@ -18,13 +18,15 @@ _NEEDED = ("robot", "start", "goal")
 
 
 class _Needs(Body):
-    robot: Name | None = Field(
-        None, examples=["panda"], description="name of a stored or built-in robot"
-    )
+    documented_by: ClassVar[tuple[type[Wire], ...]] = (PlanRequest,)
+
+    robot: Name | None = Field(None, examples=["panda"])
+    """name of a stored or built-in robot"""
     scene: SceneReference | None = Field(None, examples=["table"])
     start: Start | None = None
     goal: Goal | None = None
-    timeout: Timeout | None = Field(None, description="for all stages of one problem [s]")
+    timeout: Timeout | None = None
+    """for all stages of one problem [s]"""
 
     @classmethod
     def towards(cls, goal: GoalLike, **given: Any) -> Self:
@@ -151,9 +153,9 @@ def _fields(part: Body) -> dict[str, Any]:
 class BatchAnswer(Answer):
     """Results of the problems, in the order of the request."""
 
-    results: list[PlanAnswer | Problem] = Field(
-        description='the plan, whose status is "success", or the problem document, whose status is '
-        "a number"
-    )
-    succeeded: int = Field(description="number of problems that were answered with a plan")
-    failed: int = Field(description="number of problems that were answered with a problem document")
+    results: list[PlanAnswer | Problem]
+    """the plan, whose status is "success", or the problem document, whose status is a number"""
+    succeeded: int
+    """number of problems that were answered with a plan"""
+    failed: int
+    """number of problems that were answered with a problem document"""

@@ -47,14 +47,16 @@ _STEP: JsonDict = {
 class GuardState(Body):
     """State of the arm."""
 
-    positions: JointVector = Field(examples=[JOINTS_EXAMPLE], description="of the joints")
-    velocities: JointVector | None = Field(None, description="at rest if left out")
-    accelerations: JointVector | None = Field(None, description="none if left out")
-    elapsed: NonNegative | None = Field(
-        None,
-        description="in a session: time since the motion accepted last began, when the state was "
-        "measured [s]. The proposal then begins where that motion is after the latency",
-    )
+    positions: JointVector = Field(examples=[JOINTS_EXAMPLE])
+    """of the joints"""
+    velocities: JointVector | None = None
+    """at rest if left out"""
+    accelerations: JointVector | None = None
+    """none if left out"""
+    elapsed: NonNegative | None = None
+    """in a session: time since the motion accepted last began, when the state was measured [s]. The
+    proposal then begins where that motion is after the latency
+    """
 
 
 class Proposal(BodyWithRules):
@@ -70,28 +72,26 @@ class Proposal(BodyWithRules):
         "link": ("twist",),
     }
 
-    trajectory: TrajectoryBody | None = Field(
-        None, description="a timed motion from the state at the latency on"
-    )
-    samples: Rows | None = Field(
-        None,
-        description="targets of the joints, as policies answer them; the first is reached after "
-        "one period",
-    )
-    period: Positive | None = Field(None, description="time between two samples [s]")
-    interpolation: Interpolation | None = Field(
-        None, description="how the controller reads between samples"
-    )
-    velocities: Rows | None = Field(None, description="at the samples, for cubic and quintic")
-    accelerations: Rows | None = Field(None, description="at the samples, for quintic")
-    joint_velocities: JointVector | None = Field(
-        None, description="to be held; the joints get there as quickly as their limits allow"
-    )
-    twist: Annotated[list[Number], Field(min_length=6, max_length=6)] | None = Field(
-        None, description="of the tool or a link, to be held, in the root frame: [v, w]"
-    )
-    duration: Duration | None = Field(None, description="for which velocities are held [s]")
-    link: Label | None = Field(None, description="that has the twist; the tip if left out")
+    trajectory: TrajectoryBody | None = None
+    """a timed motion from the state at the latency on"""
+    samples: Rows | None = None
+    """targets of the joints, as policies answer them; the first is reached after one period"""
+    period: Positive | None = None
+    """time between two samples [s]"""
+    interpolation: Interpolation | None = None
+    """how the controller reads between samples"""
+    velocities: Rows | None = None
+    """at the samples, for cubic and quintic"""
+    accelerations: Rows | None = None
+    """at the samples, for quintic"""
+    joint_velocities: JointVector | None = None
+    """to be held; the joints get there as quickly as their limits allow"""
+    twist: Annotated[list[Number], Field(min_length=6, max_length=6)] | None = None
+    """of the tool or a link, to be held, in the root frame: [v, w]"""
+    duration: Duration | None = None
+    """for which velocities are held [s]"""
+    link: Label | None = None
+    """that has the twist; the tip if left out"""
 
     @model_validator(mode="after")
     def _check_form(self) -> "Proposal":
@@ -110,36 +110,31 @@ class GuardStep(Body):
 
     state: GuardState
     proposal: Proposal
-    latency: Annotated[NonNegative, Field(le=10.0)] = Field(
-        0.0, description="time from the state to the begin of the proposal [s]"
-    )
-    scene_hash: Label | None = Field(
-        None, description="of the scene that the proposal was made for: it is refused in another"
-    )
-    exact: bool = Field(
-        False, description="tell the first instant of a collision, which takes longer"
-    )
+    latency: Annotated[NonNegative, Field(le=10.0)] = 0.0
+    """time from the state to the begin of the proposal [s]"""
+    scene_hash: Label | None = None
+    """of the scene that the proposal was made for: it is refused in another"""
+    exact: bool = False
+    """tell the first instant of a collision, which takes longer"""
 
 
 class GuardOpening(WithTool, WithFingers):
     """Robot and scene that a session is about: its first message."""
 
-    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
+    robot: Name = Field(examples=["panda"])
+    """name of a stored or built-in robot"""
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
     limits: LimitsBody | None = None
-    stop: Literal["path", "joints", "both"] = Field(
-        "path", description="how the arm stops: on its path, every joint by itself, or either"
-    )
-    tracking: Positive = Field(
-        0.05, description="how far a state may be from the motion that the arm has [rad or m]"
-    )
-    arm: Label | None = Field(
-        None, description="name of the arm itself: of two sessions for one the later is refused"
-    )
+    stop: Literal["path", "joints", "both"] = "path"
+    """how the arm stops: on its path, every joint by itself, or either"""
+    tracking: Positive = 0.05
+    """how far a state may be from the motion that the arm has [rad or m]"""
+    arm: Label | None = None
+    """name of the arm itself: of two sessions for one the later is refused"""
 
 
 class GuardRequest(GuardOpening, GuardStep):
@@ -155,18 +150,14 @@ class GuardRequest(GuardOpening, GuardStep):
 class SceneChange(Body):
     """Change of the scene of a session."""
 
-    add: Annotated[list[Obstacle], Field(max_length=_MAX_CHANGES)] | None = Field(
-        None, description="obstacles, in the root frame"
-    )
-    move: Annotated[list[MovedObject], Field(max_length=_MAX_CHANGES)] | None = Field(
-        None, description="obstacles that stand elsewhere"
-    )
-    remove: Annotated[list[Label], Field(max_length=_MAX_CHANGES)] | None = Field(
-        None, description="names of obstacles that are gone"
-    )
-    elapsed: NonNegative = Field(
-        0.0, description="time since the motion accepted last began: what is left is proved [s]"
-    )
+    add: Annotated[list[Obstacle], Field(max_length=_MAX_CHANGES)] | None = None
+    """obstacles, in the root frame"""
+    move: Annotated[list[MovedObject], Field(max_length=_MAX_CHANGES)] | None = None
+    """obstacles that stand elsewhere"""
+    remove: Annotated[list[Label], Field(max_length=_MAX_CHANGES)] | None = None
+    """names of obstacles that are gone"""
+    elapsed: NonNegative = 0.0
+    """time since the motion accepted last began: what is left is proved [s]"""
 
 
 class GuardChange(Body):
@@ -178,61 +169,69 @@ class GuardChange(Body):
 class GuardStop(Answer):
     """The stop that the arm has."""
 
-    trajectory: TrajectoryAnswer = Field(description="from where the motion ends to rest")
-    certificate: CertificateAnswer = Field(
-        description="of the motion and this stop, and in `stops` of those from every instant of it"
-    )
-    number: int = Field(
-        description="of the proposal that it belongs to, from 1; 0 where none was accepted"
-    )
+    trajectory: TrajectoryAnswer
+    """from where the motion ends to rest"""
+    certificate: CertificateAnswer
+    """of the motion and this stop, and in `stops` of those from every instant of it"""
+    number: int
+    """of the proposal that it belongs to, from 1; 0 where none was accepted"""
 
 
 class GuardViolation(Answer):
     """A fault of a proposal."""
 
-    kind: str = Field(
-        examples=["collision"],
-        description="position, velocity, acceleration, jerk, continuity, collision, stop; start "
-        "where it does not begin in the state; state, stale, scene",
-    )
-    time: float = Field(description="from the begin of the proposal [s]")
-    message: str = Field(description="what is wrong")
-    joint: str | None = Field(None, description="whose limit it is")
-    value: float | None = Field(None, description="that is reached")
-    limit: float | None = Field(None, description="of it")
-    pair: NamePair | None = Field(None, description="the two bodies")
-    depth: float | None = Field(None, description="how much nearer than allowed they are [m]")
+    kind: str = Field(examples=["collision"])
+    """position, velocity, acceleration, jerk, continuity, collision, stop; start where it does not
+    begin in the state; state, stale, scene
+    """
+    time: float
+    """from the begin of the proposal [s]"""
+    message: str
+    """what is wrong"""
+    joint: str | None = None
+    """whose limit it is"""
+    value: float | None = None
+    """that is reached"""
+    limit: float | None = None
+    """of it"""
+    pair: NamePair | None = None
+    """the two bodies"""
+    depth: float | None = None
+    """how much nearer than allowed they are [m]"""
 
 
 class GuardAnswer(Answer):
     """Verdict of the gate: what was proved of a proposal, and the stop that the arm has."""
 
-    number: int = Field(description="of the proposal in its session, from 1")
-    accepted_until: float = Field(
-        description="up to which the trajectory may be run, 0 for not at all [s]"
-    )
-    scale: float = Field(description="share of the speed at which it was proved, 0 where refused")
-    trajectory: TrajectoryAnswer | None = Field(
-        description="proposal as it was proved, up to there; null where it is refused"
-    )
+    number: int
+    """of the proposal in its session, from 1"""
+    accepted_until: float
+    """up to which the trajectory may be run, 0 for not at all [s]"""
+    scale: float
+    """share of the speed at which it was proved, 0 where refused"""
+    trajectory: TrajectoryAnswer | None
+    """proposal as it was proved, up to there; null where it is refused"""
     stop: GuardStop
-    clearance: float | None = Field(
-        description="a bound for motion and stop [m]; null with nothing to hit"
-    )
-    pair: NamePair | None = Field(description="the two bodies that come nearest")
-    violations: list[GuardViolation] = Field(
-        description="faults of the proposal as it came, one of each kind or more"
-    )
-    notes: list[str] = Field(default_factory=list, description="on the state")
+    clearance: float | None
+    """a bound for motion and stop [m]; null with nothing to hit"""
+    pair: NamePair | None
+    """the two bodies that come nearest"""
+    violations: list[GuardViolation]
+    """faults of the proposal as it came, one of each kind or more"""
+    notes: list[str] = Field(default_factory=list)
+    """on the state"""
 
 
 class GuardReady(Answer):
     """Answer to the first message of a session, or to a change of its scene."""
 
-    robot_hash: str = Field(description="content hash of the robot")
-    scene_hash: str = Field(description="content hash of the scene, as requests may give it")
-    joint_names: list[str] = Field(description="order of the joints")
-    stop: Literal["none", "proved", "void"] = Field(
-        description="what is left of the motion that the arm has: proved in this scene, or void"
-    )
-    certificate: CertificateAnswer | None = Field(None, description="of it, where there is one")
+    robot_hash: str
+    """content hash of the robot"""
+    scene_hash: str
+    """content hash of the scene, as requests may give it"""
+    joint_names: list[str]
+    """order of the joints"""
+    stop: Literal["none", "proved", "void"]
+    """what is left of the motion that the arm has: proved in this scene, or void"""
+    certificate: CertificateAnswer | None = None
+    """of it, where there is one"""

@@ -32,24 +32,31 @@ class Problem(Wire):
     )
 
     # The service gives all of these; documents of what stands before it may lack any.
-    type: str = Field("about:blank", description="where the kind of problem is explained")
-    title: str = Field(
-        "", description="the kind of problem in words, the same for every occurrence"
-    )
-    status: int = Field(0, description="the HTTP status")
-    detail: str = Field("", description="what is wrong this time, and where")
-    instance: str = Field("", description="the path that was asked")
-    code: str = Field("", description="the kind of problem for a program")
-    stage: str | None = Field(None, description="the step that failed, where there are several")
-    hint: str | None = Field(None, description="what to do about it, with the valid choices")
-    details: dict[str, Any] = Field(default_factory=dict, description="values of this occurrence")
+    type: str = "about:blank"
+    """where the kind of problem is explained"""
+    title: str = ""
+    """the kind of problem in words, the same for every occurrence"""
+    status: int = 0
+    """the HTTP status"""
+    detail: str = ""
+    """what is wrong this time, and where"""
+    instance: str = ""
+    """the path that was asked"""
+    code: str = ""
+    """the kind of problem for a program"""
+    stage: str | None = None
+    """the step that failed, where there are several"""
+    hint: str | None = None
+    """what to do about it, with the valid choices"""
+    details: dict[str, Any] = Field(default_factory=dict)
+    """values of this occurrence"""
 
     @classmethod
     def __get_pydantic_json_schema__(
         cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
         """The JSON schema of problems of the service."""
-        schema = handler(core_schema)
+        schema = super().__get_pydantic_json_schema__(core_schema, handler)
         for name in ("type", "title", "status", "detail", "instance", "code"):
             publish_as_required(handler.resolve_ref_schema(schema), name)
         return schema
@@ -80,29 +87,41 @@ class JobSummary(Answer):
         }
     )
 
-    id: str = Field(examples=[_ID], description="name of the job in `/v1/jobs/{id}`")
-    operation: str = Field(examples=["POST /v1/plan"], description="the request that it answers")
-    status: Literal["queued", "running", "succeeded", "failed", "cancelled"] = Field(
-        description="where it stands"
-    )
-    progress: float = Field(ge=0.0, le=1.0, description="share that is done, 0 … 1")
-    stage: str | None = Field(None, examples=["rrt_connect"], description="what is being done")
-    created: Instant = Field(description="when it was accepted")
-    started: Instant | None = Field(None, description="when a worker began with it")
-    ended: Instant | None = Field(None, description="when it succeeded, failed or was cancelled")
-    expires: Instant | None = Field(None, description="when it is forgotten at the latest")
-    location: str | None = Field(None, description="what it created", examples=["/v1/robots/arm"])
+    id: str = Field(examples=[_ID])
+    """name of the job in `/v1/jobs/{id}`"""
+    operation: str = Field(examples=["POST /v1/plan"])
+    """the request that it answers"""
+    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
+    """where it stands"""
+    progress: float = Field(ge=0.0, le=1.0)
+    """share that is done, 0 … 1"""
+    stage: str | None = Field(None, examples=["rrt_connect"])
+    """what is being done"""
+    created: Instant
+    """when it was accepted"""
+    started: Instant | None = None
+    """when a worker began with it"""
+    ended: Instant | None = None
+    """when it succeeded, failed or was cancelled"""
+    expires: Instant | None = None
+    """when it is forgotten at the latest"""
+    location: str | None = Field(None, examples=["/v1/robots/arm"])
+    """what it created"""
 
 
 class JobAnswer(JobSummary):
     """Status of a job, with its result or error once it has ended."""
 
-    result: Any = Field(None, description="once succeeded: what the request is answered")
-    error: Problem | None = Field(None, description="once failed: the problem document")
+    result: Any = None
+    """once succeeded: what the request is answered"""
+    error: Problem | None = None
+    """once failed: the problem document"""
 
 
 class JobList(Answer):
     """Jobs, newest first."""
 
-    jobs: list[JobSummary] = Field(description="without their answers")
-    next: str | None = Field(description="give it as `after` for the next page")
+    jobs: list[JobSummary]
+    """without their answers"""
+    next: str | None
+    """give it as `after` for the next page"""

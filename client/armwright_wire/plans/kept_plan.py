@@ -32,54 +32,64 @@ Operation = Annotated[
 class DocumentName(Answer):
     """A robot or scene of a kept plan: its name, and the content that it had."""
 
-    name: str = Field(examples=["my_arm"], description="in the request")
-    hash: str | None = Field(
-        description="SHA-256 of its stored document; null for a built-in robot, which comes with "
-        "the version"
-    )
+    name: str = Field(examples=["my_arm"])
+    """in the request"""
+    hash: str | None
+    """SHA-256 of its stored document; null for a built-in robot, which comes with the version"""
 
 
 class KeptPlanSummary(Answer):
     """A kept request, without its answer."""
 
-    id: str = Field(examples=[_ID], description="name of the plan in `/v1/plans/{id}`")
-    operation: Operation = Field(description="request that was answered")
-    status: Literal["succeeded", "failed"] = Field(description="failed: there is a problem instead")
-    code: str | None = Field(None, examples=["GOAL_IN_COLLISION"], description="of the problem")
+    id: str = Field(examples=[_ID])
+    """name of the plan in `/v1/plans/{id}`"""
+    operation: Operation
+    """request that was answered"""
+    status: Literal["succeeded", "failed"]
+    """failed: there is a problem instead"""
+    code: str | None = Field(None, examples=["GOAL_IN_COLLISION"])
+    """of the problem"""
     robot: DocumentName | None = None
-    scene: DocumentName | None = Field(
-        None, description="the stored scene; null with none, or one inside of the request"
-    )
-    seed: int | None = Field(None, description="of the request's random choices")
-    version: str = Field(description="of Armwright, which answered")
-    digest: Digest = Field(
-        description="SHA-256 of the answer or problem without measured times: equal for equal "
-        "answers"
-    )
-    created: Instant = Field(description="when it was answered")
-    expires: Instant = Field(description="when it is forgotten at the latest")
-    job: str | None = Field(None, description="the job that it answered")
-    replay_of: str | None = Field(None, description="the kept plan that it repeats or changes")
-    proved_here: bool = Field(
-        False,
-        description="this service came to the answer, and all that it says is proved; of an "
-        "imported plan: from the request, the robot and the scene of its bundle",
-    )
+    scene: DocumentName | None = None
+    """the stored scene; null with none, or one inside of the request"""
+    seed: int | None = None
+    """of the request's random choices"""
+    version: str
+    """of Armwright, which answered"""
+    digest: Digest
+    """SHA-256 of the answer or problem without measured times: equal for equal answers"""
+    created: Instant
+    """when it was answered"""
+    expires: Instant
+    """when it is forgotten at the latest"""
+    job: str | None = None
+    """the job that it answered"""
+    replay_of: str | None = None
+    """the kept plan that it repeats or changes"""
+    proved_here: bool = False
+    """this service came to the answer, and all that it says is proved; of an imported plan: from
+    the request, the robot and the scene of its bundle
+    """
 
 
 class KeptPlan(KeptPlanSummary):
     """A kept request with its answer or problem."""
 
-    request: Any = Field(description="the body as it was sent")
-    answer: Any = Field(None, description="once succeeded: what the request was answered")
-    problem: Problem | None = Field(None, description="once failed: the problem document")
+    request: Any
+    """the body as it was sent"""
+    answer: Any = None
+    """once succeeded: what the request was answered"""
+    problem: Problem | None = None
+    """once failed: the problem document"""
 
 
 class PlanList(Answer):
     """Kept plans, newest first."""
 
-    plans: list[KeptPlanSummary] = Field(description="without requests and answers")
-    next: str | None = Field(description="give it as `after` for the next page")
+    plans: list[KeptPlanSummary]
+    """without requests and answers"""
+    next: str | None
+    """give it as `after` for the next page"""
 
 
 _CHANGES: JsonDict = {"margin": 0.01, "planner": "rrt_connect"}
@@ -90,32 +100,31 @@ class ReplayRequest(Body):
 
     model_config = ConfigDict(json_schema_extra={"examples": [{}, {"changes": _CHANGES}]})
 
-    changes: FreeForm | None = Field(
-        None,
-        description="fields that replace those of the request, as a JSON merge patch (RFC 7396): "
-        "objects are merged, null removes a field",
-        examples=[_CHANGES],
-    )
-    documents: Literal["kept", "current"] = Field(
-        "kept",
-        description="kept: robot and scene as they were; current: those of these names today",
-    )
-    keep_replay: bool | None = Field(
-        None, description="keep the replay as a plan too; if left out, that of a job is kept"
-    )
+    changes: FreeForm | None = Field(None, examples=[_CHANGES])
+    """fields that replace those of the request, as a JSON merge patch (RFC 7396): objects are
+    merged, null removes a field
+    """
+    documents: Literal["kept", "current"] = "kept"
+    """kept: robot and scene as they were; current: those of these names today"""
+    keep_replay: bool | None = None
+    """keep the replay as a plan too; if left out, that of a job is kept"""
 
 
 class ReplayAnswer(Answer):
     """The replay of a kept plan, compared with what was kept."""
 
-    same: bool = Field(description="answer or problem are equal but for measured times")
-    differences: list[str] = Field(
-        description="JSON pointers of the first values that differ, the answer's own order"
-    )
-    digest: Digest = Field(description="of the new answer or problem")
-    plan_id: str | None = Field(None, description="the replay as a kept plan, if it was kept")
-    answer: Any = Field(None, description="of the request, if it has one")
-    problem: Problem | None = Field(None, description="if it has none")
+    same: bool
+    """answer or problem are equal but for measured times"""
+    differences: list[str]
+    """JSON pointers of the first values that differ, the answer's own order"""
+    digest: Digest
+    """of the new answer or problem"""
+    plan_id: str | None = None
+    """the replay as a kept plan, if it was kept"""
+    answer: Any = None
+    """of the request, if it has one"""
+    problem: Problem | None = None
+    """if it has none"""
 
 
 class StopRequest(Body):
@@ -123,26 +132,24 @@ class StopRequest(Body):
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"at": 0.5, "kind": "path"}]})
 
-    at: Number = Field(
-        examples=[0.5], description="instant of its trajectory at which braking begins [s]"
-    )
-    kind: Literal["path", "joints"] = Field(
-        "path",
-        description="path: to rest along its own path; joints: every joint by itself, which leaves "
-        "the path",
-    )
+    at: Number = Field(examples=[0.5])
+    """instant of its trajectory at which braking begins [s]"""
+    kind: Literal["path", "joints"] = "path"
+    """path: to rest along its own path; joints: every joint by itself, which leaves the path"""
     timeout: Timeout | None = None
 
 
 class StopAnswer(Answer):
     """A stop as a motion of its own."""
 
-    kind: Literal["path", "joints"] = Field(description="of the stop")
-    at: float = Field(description="instant of the kept motion that it leaves [s]")
-    trajectory: TrajectoryAnswer = Field(description="from that instant on, which is its time 0")
-    certificate: CertificateAnswer = Field(
-        description="of the stop; not verified where it meets something"
-    )
+    kind: Literal["path", "joints"]
+    """of the stop"""
+    at: float
+    """instant of the kept motion that it leaves [s]"""
+    trajectory: TrajectoryAnswer
+    """from that instant on, which is its time 0"""
+    certificate: CertificateAnswer
+    """of the stop; not verified where it meets something"""
 
 
 class Bundle(Body):
@@ -151,27 +158,27 @@ class Bundle(Body):
     Documents are texts, so that their bytes and with them their hashes stay as they are.
     """
 
-    armwright_bundle: Annotated[int, Field(ge=1, le=1)] = Field(
-        description="version of this format"
-    )
-    operation: Operation = Field(description="request that was answered")
-    version: Label = Field(description="of Armwright, which answered")
-    status: Literal["succeeded", "failed"] = Field(
-        description="failed where there is a problem in place of an answer"
-    )
-    seed: int | None = Field(None, description="of the request's random choices")
-    digest: Digest = Field(description="SHA-256 of the answer or problem without measured times")
-    robot: Label | None = Field(None, description="name of the robot, if the request names one")
-    robot_document: Annotated[str, Field(max_length=_MAX_TEXT)] | None = Field(
-        None, description="the stored robot, JSON; null for a built-in one"
-    )
-    scene: Label | None = Field(
-        None, description="name of the stored scene, if the request names one"
-    )
-    scene_document: Annotated[str, Field(max_length=_MAX_TEXT)] | None = Field(
-        None, description="the stored scene, JSON; null if the request names none"
-    )
-    request: Annotated[str, Field(max_length=_MAX_TEXT)] = Field(description="the body, JSON")
-    answer: Annotated[str, Field(max_length=_MAX_TEXT)] = Field(
-        description="the answer or problem, JSON"
-    )
+    armwright_bundle: Annotated[int, Field(ge=1, le=1)]
+    """version of this format"""
+    operation: Operation
+    """request that was answered"""
+    version: Label
+    """of Armwright, which answered"""
+    status: Literal["succeeded", "failed"]
+    """failed where there is a problem in place of an answer"""
+    seed: int | None = None
+    """of the request's random choices"""
+    digest: Digest
+    """SHA-256 of the answer or problem without measured times"""
+    robot: Label | None = None
+    """name of the robot, if the request names one"""
+    robot_document: Annotated[str, Field(max_length=_MAX_TEXT)] | None = None
+    """the stored robot, JSON; null for a built-in one"""
+    scene: Label | None = None
+    """name of the stored scene, if the request names one"""
+    scene_document: Annotated[str, Field(max_length=_MAX_TEXT)] | None = None
+    """the stored scene, JSON; null if the request names none"""
+    request: Annotated[str, Field(max_length=_MAX_TEXT)]
+    """the body, JSON"""
+    answer: Annotated[str, Field(max_length=_MAX_TEXT)]
+    """the answer or problem, JSON"""

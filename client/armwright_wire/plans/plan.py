@@ -67,26 +67,21 @@ class Refine(Body):
     """Options of the optimisation before the proof."""
 
     objective: Objective | Annotated[dict[Objective, NonNegative], Field(min_length=1)] = Field(
-        "time",
-        description=(
-            "what becomes small: time T [s], jerk ∫|q⃛|²dt, energy ∫|τ|²dt, path_length ∫|dq|; "
-            "or the weight of each"
-        ),
-        examples=["time", {"time": 1.0, "jerk": 1e-6}],
+        "time", examples=["time", {"time": 1.0, "jerk": 1e-6}]
     )
-    duration: Positive | None = Field(None, description="the longest the motion may take [s]")
-    degree: Annotated[int, Field(ge=3, le=7)] | None = Field(
-        None, description="of the spline; 3, for jerk 5, if left out"
-    )
-    control_points: Annotated[int, Field(ge=8, le=64)] | None = Field(
-        None, description="of each joint; 16 if left out"
-    )
-    rounds: Annotated[int, Field(ge=1, le=100)] | None = Field(
-        None, description="convex problems solved at most; 12 if left out"
-    )
-    solver: Literal["piqp", "ipopt"] | None = Field(
-        None, description="of each round; piqp if left out, which is faster"
-    )
+    """what becomes small: time T [s], jerk ∫|q⃛|²dt, energy ∫|τ|²dt, path_length ∫|dq|; or the
+    weight of each
+    """
+    duration: Positive | None = None
+    """the longest the motion may take [s]"""
+    degree: Annotated[int, Field(ge=3, le=7)] | None = None
+    """of the spline; 3, for jerk 5, if left out"""
+    control_points: Annotated[int, Field(ge=8, le=64)] | None = None
+    """of each joint; 16 if left out"""
+    rounds: Annotated[int, Field(ge=1, le=100)] | None = None
+    """convex problems solved at most; 12 if left out"""
+    solver: Literal["piqp", "ipopt"] | None = None
+    """of each round; piqp if left out, which is faster"""
 
 
 #: Planners by the names of the service, as the contract lists them.
@@ -152,7 +147,8 @@ class PlanRequest(WithTool, WithFingers, Keepable):
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("PlanRequest")})
 
-    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
+    robot: Name = Field(examples=["panda"])
+    """name of a stored or built-in robot"""
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
     start: Start
@@ -166,9 +162,8 @@ class PlanRequest(WithTool, WithFingers, Keepable):
     planner_options: FreeForm | None = Field(
         None, description=_OPTIONS, examples=[{"range": 0.5}, {"cost_threshold": 3.0}]
     )
-    refine: bool | Refine | None = Field(
-        None, description="optimise what the planner found; true for the least time"
-    )
+    refine: bool | Refine | None = None
+    """optimise what the planner found; true for the least time"""
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
@@ -176,16 +171,16 @@ class PlanRequest(WithTool, WithFingers, Keepable):
     clearance: Clearance | None = None
     goal_costs: GoalCosts | None = None
     collisions: Collisions = "check"
-    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] | None = Field(
-        None,
-        description="a start or goal outside a limit by no more is moved onto it [rad or m]; if "
-        "left out a start by 0.01 % of the limit, as measurements miss it, a goal by 1e-6",
-    )
+    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] | None = None
+    """a start or goal outside a limit by no more is moved onto it [rad or m]; if left out a start
+    by 0.01 % of the limit, as measurements miss it, a goal by 1e-6
+    """
     timing: Timing = Field(default_factory=Timing)
     limits: LimitsBody | None = None
     stops: Stops = "none"
     witness: Witness = False
-    timeout: Timeout | None = Field(None, description="for all stages together [s]")
+    timeout: Timeout | None = None
+    """for all stages together [s]"""
     seed: Seed = 0
 
     @model_validator(mode="before")
@@ -216,7 +211,8 @@ class PlanRequest(WithTool, WithFingers, Keepable):
 class ValidateRequest(WithTool, WithFingers, Keepable):
     """A motion to be proved valid, whoever made it."""
 
-    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
+    robot: Name = Field(examples=["panda"])
+    """name of a stored or built-in robot"""
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
     trajectory: TrajectoryBody
@@ -226,12 +222,14 @@ class ValidateRequest(WithTool, WithFingers, Keepable):
     allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
     collisions: Collisions = "check"
-    tool_motions: TimedToolMotions | None = Field(
-        None, description="lines and arcs that the tool has to keep to"
-    )
-    torque_limits: bool | None = Field(None, description="hold it to the robot's effort limits too")
-    payload: Payload | None = Field(None, description="what the tip carries, for torques")
-    tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
+    tool_motions: TimedToolMotions | None = None
+    """lines and arcs that the tool has to keep to"""
+    torque_limits: bool | None = None
+    """hold it to the robot's effort limits too"""
+    payload: Payload | None = None
+    """what the tip carries, for torques"""
+    tool_speed: Positive | None = None
+    """largest speed of the tip [m/s]"""
     stops: Stops = "none"
     witness: Witness = False
     timeout: Timeout | None = None
@@ -240,79 +238,94 @@ class ValidateRequest(WithTool, WithFingers, Keepable):
 class Stage(Answer):
     """One stage of planning: outcome and time."""
 
-    name: str = Field(examples=["rrt_connect"], description="of the stage")
-    outcome: str = Field(examples=["succeeded"], description="succeeded, or how it failed")
-    milliseconds: float = Field(description="that it took")
-    detail: str | None = Field(None, description="of the outcome, in words")
+    name: str = Field(examples=["rrt_connect"])
+    """of the stage"""
+    outcome: str = Field(examples=["succeeded"])
+    """succeeded, or how it failed"""
+    milliseconds: float
+    """that it took"""
+    detail: str | None = None
+    """of the outcome, in words"""
 
 
 class PathAnswer(Answer):
     """The corners of the path in joint space."""
 
-    joints: list[list[float]] = Field(description="corners, from the start to the goal")
-    length: float = Field(description="Euclidean, in joint space")
+    joints: list[list[float]]
+    """corners, from the start to the goal"""
+    length: float
+    """Euclidean, in joint space"""
 
 
 class Reproducibility(Answer):
     """Seed, hashes and versions that reproduce the answer."""
 
-    seed: int = Field(description="of the random choices")
-    deterministic: bool = Field(
-        True,
-        description="whether the same request gives the same answer; false where time or memory "
-        "ended a search, so that the answer depends on the speed of the machine",
-    )
-    robot_hash: str = Field(description="content hash of the robot")
-    scene_hash: str = Field(description="content hash of the scene")
-    request_hash: str = Field(description="content hash of the request")
-    versions: dict[str, str] = Field(description="of Armwright and of the libraries that computed")
+    seed: int
+    """of the random choices"""
+    deterministic: bool = True
+    """whether the same request gives the same answer; false where time or memory ended a search, so
+    that the answer depends on the speed of the machine
+    """
+    robot_hash: str
+    """content hash of the robot"""
+    scene_hash: str
+    """content hash of the scene"""
+    request_hash: str
+    """content hash of the request"""
+    versions: dict[str, str]
+    """of Armwright and of the libraries that computed"""
 
 
 class DescentAnswer(Answer):
     """Course of a potential field's descent before the path was shortened."""
 
-    joints: list[list[float]] = Field(description="configurations on the way")
-    potentials: list[float] = Field(description="U at each configuration [J]")
-    iterations: int = Field(description="steps taken")
+    joints: list[list[float]]
+    """configurations on the way"""
+    potentials: list[float]
+    """U at each configuration [J]"""
+    iterations: int
+    """steps taken"""
 
 
 class ProgressAnswer(Answer):
     """A path that was the shortest so far, of a planner that goes on after the first."""
 
-    milliseconds: float = Field(description="since the planner began")
-    edges: int = Field(description="looked at until then")
-    length: float = Field(description="of the path, Euclidean in joint space")
+    milliseconds: float
+    """since the planner began"""
+    edges: int
+    """looked at until then"""
+    length: float
+    """of the path, Euclidean in joint space"""
 
 
 class PlanAnswer(InFrame):
     """A certified motion."""
 
-    status: Literal["success"] = Field(description="success; a problem document has a number here")
-    planner: str = Field(description="the stage that found it")
-    stages: list[Stage] = Field(description="steps of planning, in their order")
+    status: Literal["success"]
+    """success; a problem document has a number here"""
+    planner: str
+    """the stage that found it"""
+    stages: list[Stage]
+    """steps of planning, in their order"""
     path: PathAnswer
     trajectory: TrajectoryAnswer
     certificate: CertificateAnswer
     reproducibility: Reproducibility
-    fraction: float | None = Field(
-        None, description="how much of the motions of the planner cartesian was carried out"
-    )
-    tool_motions: list[ToolMotionAnswer] | None = Field(None, description="of that planner")
-    reference: list[ReferencePoseAnswer] | None = Field(
-        None, description="poses that they hold the tool to, at drawn instants"
-    )
-    stopped: dict[str, Any] | None = Field(
-        None, description="why they end early: reason, message, motion, nearest, …"
-    )
-    potential_field: DescentAnswer | None = Field(
-        None, description="where it went, if a potential field found the path"
-    )
-    progress: list[ProgressAnswer] = Field(
-        default_factory=list, description="shortest paths over time, of planners that improve"
-    )
+    fraction: float | None = None
+    """how much of the motions of the planner cartesian was carried out"""
+    tool_motions: list[ToolMotionAnswer] | None = None
+    """of that planner"""
+    reference: list[ReferencePoseAnswer] | None = None
+    """poses that they hold the tool to, at drawn instants"""
+    stopped: dict[str, Any] | None = None
+    """why they end early: reason, message, motion, nearest, …"""
+    potential_field: DescentAnswer | None = None
+    """where it went, if a potential field found the path"""
+    progress: list[ProgressAnswer] = Field(default_factory=list)
+    """shortest paths over time, of planners that improve"""
     clearance: ClearanceAnswer | None = None
-    configuration: ConfigurationAnswer | None = Field(
-        None, description="the one of a pose that it ends in; null where no pose left a choice"
-    )
+    configuration: ConfigurationAnswer | None = None
+    """the one of a pose that it ends in; null where no pose left a choice"""
     plan_id: PlanId = None
-    timing: TimingAnswer | None = Field(None, description="method and limits of its timing")
+    timing: TimingAnswer | None = None
+    """method and limits of its timing"""

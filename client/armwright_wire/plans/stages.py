@@ -58,59 +58,55 @@ Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
 class StageBody(Body):
     """Fields that every stage has."""
 
-    name: Label | None = Field(None, description="by which later stages refer to it")
-    margin: Margin | None = Field(None, description="in place of the task's [m]")
-    allowed_collisions: AllowedCollisions | None = Field(
-        None, description="pairs that may touch during this stage"
-    )
-    constraints: Constraints | None = Field(None, description="to be held during this stage")
-    timing: Timing | None = Field(None, description="in place of the task's")
-    limits: LimitsBody | None = Field(None, description="in place of the task's")
-    tool: ToolReference | None = Field(
-        None, description="that the robot has from this stage on, in place of the one before"
-    )
-    tcp: TipReference | None = Field(
-        None,
-        description="tip of the tool from this stage on, or that of an object which is held by "
-        "then, until it is detached",
-    )
+    name: Label | None = None
+    """by which later stages refer to it"""
+    margin: Margin | None = None
+    """in place of the task's [m]"""
+    allowed_collisions: AllowedCollisions | None = None
+    """pairs that may touch during this stage"""
+    constraints: Constraints | None = None
+    """to be held during this stage"""
+    timing: Timing | None = None
+    """in place of the task's"""
+    limits: LimitsBody | None = None
+    """in place of the task's"""
+    tool: ToolReference | None = None
+    """that the robot has from this stage on, in place of the one before"""
+    tcp: TipReference | None = None
+    """tip of the tool from this stage on, or that of an object which is held by then, until it is
+    detached
+    """
 
 
 class Via(Body):
     """A configuration or pose, or one of a set, that a free motion goes through."""
 
-    goal: Goal = Field(description="one, or any of several")
-    blend: Annotated[Positive, Field(le=10.0)] | None = Field(
-        None,
-        description="pass without resting, at most so far from it, Euclidean in joint space "
-        "[rad or m]; rest there if left out",
-    )
+    goal: Goal
+    """one, or any of several"""
+    blend: Annotated[Positive, Field(le=10.0)] | None = None
+    """pass without resting, at most so far from it, Euclidean in joint space [rad or m]; rest there
+    if left out
+    """
 
 
 class MoveStage(StageBody):
     """A free motion to a goal, or to where the approach after it begins."""
 
     kind: Literal["move"] = "move"
-    goal: Goal | None = Field(
-        None, description="any that a plan takes; left out before an approach: where that begins"
-    )
-    tolerance: ReachTolerance | None = Field(
-        None, description="region about the goal's poses, in their own frame"
-    )
-    via: Annotated[list[Via], Field(min_length=1, max_length=20)] | None = Field(
-        None, description="to go through on the way, in order, each as a stage move of its own"
-    )
-    end_of: Label | None = Field(
-        None, description="in place of goal: name of an earlier stage, whose last configuration"
-    )
-    planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = Field(
-        "auto", description="one of those of a plan, but not cartesian"
-    )
-    blend: Annotated[Positive, Field(le=10.0)] | None = Field(
-        None,
-        description="pass the goal without resting, at most so far from it, Euclidean in joint "
-        "space [rad or m]; a free motion with the same timing and limits follows",
-    )
+    goal: Goal | None = None
+    """any that a plan takes; left out before an approach: where that begins"""
+    tolerance: ReachTolerance | None = None
+    """region about the goal's poses, in their own frame"""
+    via: Annotated[list[Via], Field(min_length=1, max_length=20)] | None = None
+    """to go through on the way, in order, each as a stage move of its own"""
+    end_of: Label | None = None
+    """in place of goal: name of an earlier stage, whose last configuration"""
+    planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = "auto"
+    """one of those of a plan, but not cartesian"""
+    blend: Annotated[Positive, Field(le=10.0)] | None = None
+    """pass the goal without resting, at most so far from it, Euclidean in joint space [rad or m]; a
+    free motion with the same timing and limits follows
+    """
 
     @model_validator(mode="after")
     def _check_form(self) -> "MoveStage":
@@ -134,24 +130,21 @@ class MoveStage(StageBody):
 class StraightStage(StageBody):
     """A straight motion of the tool."""
 
-    direction: Vector3 | Literal["normal"] | None = Field(
-        None,
-        description="of the motion; if left out: approach and insert along z of the tool, retreat "
-        "against it, lift along z of the root. normal: along the surface normal that is nearest "
-        "to the tip, towards it for approach and insert",
-    )
-    frame: Literal["tool", "root", "object", "support"] | None = Field(
-        None,
-        description="of the direction; the root for lift, else the tool. object and support: those "
-        "of the grasp or place that it leads to or comes from, as they then stand",
-    )
-    relative_to: Label | None = Field(
-        None, description="the object whose frame or surface it is, in place of that of the target"
-    )
-    max_deviation: Deviation = Field(
-        1e-4, description="of the tool's origin from its line, for every instant [m]"
-    )
-    max_orientation_deviation: Deviation = Field(1e-3, description="of its orientation [rad]")
+    direction: Vector3 | Literal["normal"] | None = None
+    """of the motion; if left out: approach and insert along z of the tool, retreat against it, lift
+    along z of the root. normal: along the surface normal that is nearest to the tip, towards it for
+    approach and insert
+    """
+    frame: Literal["tool", "root", "object", "support"] | None = None
+    """of the direction; the root for lift, else the tool. object and support: those of the grasp or
+    place that it leads to or comes from, as they then stand
+    """
+    relative_to: Label | None = None
+    """the object whose frame or surface it is, in place of that of the target"""
+    max_deviation: Deviation = 1e-4
+    """of the tool's origin from its line, for every instant [m]"""
+    max_orientation_deviation: Deviation = 1e-3
+    """of its orientation [rad]"""
 
     @model_validator(mode="after")
     def _check_form(self) -> "StraightStage":
@@ -185,21 +178,22 @@ class InsertStage(StraightStage):
     """What is held is pushed straight into something."""
 
     kind: Literal["insert"] = "insert"
-    distance: Annotated[Positive, Field(le=10.0)] = Field(description="whole way [m]")
-    into: Support | None = Field(
-        None, description="what it may touch from this stage to the next free motion"
-    )
+    distance: Annotated[Positive, Field(le=10.0)]
+    """whole way [m]"""
+    into: Support | None = None
+    """what it may touch from this stage to the next free motion"""
     touch_depth: TouchDepth = TOUCH_DEPTH
 
 
 class FollowStage(StageBody):
     """Lines or an arc of the tool from where it is."""
 
-    tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
-    max_deviation: Deviation = Field(
-        1e-4, description="of the tool's origin from its motion, for every instant [m]"
-    )
-    max_orientation_deviation: Deviation = Field(1e-3, description="of its orientation [rad]")
+    tool_speed: Positive | None = None
+    """largest speed of the tip [m/s]"""
+    max_deviation: Deviation = 1e-4
+    """of the tool's origin from its motion, for every instant [m]"""
+    max_orientation_deviation: Deviation = 1e-3
+    """of its orientation [rad]"""
 
 
 class LineStage(FollowStage, BodyWithRules):
@@ -210,12 +204,10 @@ class LineStage(FollowStage, BodyWithRules):
 
     kind: Literal["line"] = "line"
     pose: PoseInFrame | None = None
-    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=1_000)] | None = Field(
-        None, description="in order; the tool rests at each without a blend"
-    )
-    blend: NonNegative | None = Field(
-        None, description="how far from corners the tool may cut them [m]"
-    )
+    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=1_000)] | None = None
+    """in order; the tool rests at each without a blend"""
+    blend: NonNegative | None = None
+    """how far from corners the tool may cut them [m]"""
 
 
 class ArcStage(FollowStage, BodyWithRules):
@@ -226,9 +218,12 @@ class ArcStage(FollowStage, BodyWithRules):
 
     kind: Literal["arc"] = "arc"
     pose: PoseInFrame
-    via: Point | None = Field(None, description="on the arc, in the frame of the pose [m]")
-    center: Point | None = Field(None, description="in the frame of the pose [m]")
-    normal: Vector3 | None = Field(None, description="to turn about by the right hand")
+    via: Point | None = None
+    """on the arc, in the frame of the pose [m]"""
+    center: Point | None = None
+    """in the frame of the pose [m]"""
+    normal: Vector3 | None = None
+    """to turn about by the right hand"""
 
 
 class SeamStage(StageBody, CartesianOptions):
@@ -248,28 +243,33 @@ class SeamStage(StageBody, CartesianOptions):
 class GraspRegion(Body):
     """Grasps all about an axis of the object: Trans(d a) Rot(a, φ) pose."""
 
-    pose: Pose = Field(description="of the tool in the object's frame at angle and offset 0")
-    axis: Vector3 = Field([0.0, 0.0, 1.0], description="through the object's origin")
-    angles: Range = Field([0.0, 0.0], description="[least, largest] angle about it [rad]")
-    offsets: Range = Field([0.0, 0.0], description="[least, largest] way along it [m]")
-    angle_samples: Samples = Field(18, description="angles that are tried")
-    offset_samples: Samples = Field(1, description="offsets that are tried")
+    pose: Pose
+    """of the tool in the object's frame at angle and offset 0"""
+    axis: Vector3 = Field([0.0, 0.0, 1.0])
+    """through the object's origin"""
+    angles: Range = Field([0.0, 0.0])
+    """[least, largest] angle about it [rad]"""
+    offsets: Range = Field([0.0, 0.0])
+    """[least, largest] way along it [m]"""
+    angle_samples: Samples = 18
+    """angles that are tried"""
+    offset_samples: Samples = 1
+    """offsets that are tried"""
 
 
 class GraspSearch(Body):
     """How grasps are looked for on the surface of an object."""
 
-    count: Annotated[int, Field(ge=1, le=500)] = Field(24, description="most grasps that are tried")
-    angles: Annotated[int, Field(ge=1, le=72)] = Field(
-        8, description="approaches about the line between the fingers, or turns of a cup"
-    )
-    friction: Annotated[Positive, Field(le=10.0)] = Field(
-        0.4, description="coefficient of friction at the fingers"
-    )
-    depth: Annotated[Number, Field(ge=-1.0, le=1.0)] = Field(
-        0.0, description="how far the tip goes beyond the middle of what is gripped [m]"
-    )
-    radius: Length = Field(0.01, description="in which a surface is flat under a cup [m]")
+    count: Annotated[int, Field(ge=1, le=500)] = 24
+    """most grasps that are tried"""
+    angles: Annotated[int, Field(ge=1, le=72)] = 8
+    """approaches about the line between the fingers, or turns of a cup"""
+    friction: Annotated[Positive, Field(le=10.0)] = 0.4
+    """coefficient of friction at the fingers"""
+    depth: Annotated[Number, Field(ge=-1.0, le=1.0)] = 0.0
+    """how far the tip goes beyond the middle of what is gripped [m]"""
+    radius: Length = 0.01
+    """in which a surface is flat under a cup [m]"""
     seed: Seed = 0
 
 
@@ -278,12 +278,14 @@ class FoundGrasps(BodyWithRules):
 
     one_of: ClassVar[tuple[str, ...]] = ("antipodal", "top", "side", "suction")
 
-    antipodal: GraspSearch | None = Field(None, description="two fingers, from anywhere")
-    top: GraspSearch | None = Field(
-        None, description="two fingers from above, as the object stands at the start"
-    )
-    side: GraspSearch | None = Field(None, description="two fingers, level")
-    suction: GraspSearch | None = Field(None, description="a cup on a flat place")
+    antipodal: GraspSearch | None = None
+    """two fingers, from anywhere"""
+    top: GraspSearch | None = None
+    """two fingers from above, as the object stands at the start"""
+    side: GraspSearch | None = None
+    """two fingers, level"""
+    suction: GraspSearch | None = None
+    """a cup on a flat place"""
 
 
 def _form_of_grasps(value: object) -> str:
@@ -303,57 +305,56 @@ class GraspStage(StageBody, BodyWithRules):
     one_of: ClassVar[tuple[str, ...]] = ("grasps", "region")
 
     kind: Literal["grasp"] = "grasp"
-    object: Label = Field(description="name of the obstacle", examples=["crate"])
-    grasps: Grasps | None = Field(
-        None,
-        description="poses of the tool in the object's frame, or how they are found from its shape",
-    )
-    region: GraspRegion | None = Field(None, description="of grasps, in place of a list")
-    touch_links: Labels = Field(
-        default_factory=list,
-        description="links that may touch the object from the approach on, and while it is held",
-    )
-    support: Support | None = Field(
-        None, description="what it stands on: they may touch from attach to the end of the lift"
-    )
+    object: Label = Field(examples=["crate"])
+    """name of the obstacle"""
+    grasps: Grasps | None = None
+    """poses of the tool in the object's frame, or how they are found from its shape"""
+    region: GraspRegion | None = None
+    """of grasps, in place of a list"""
+    touch_links: Labels = Field(default_factory=list)
+    """links that may touch the object from the approach on, and while it is held"""
+    support: Support | None = None
+    """what it stands on: they may touch from attach to the end of the lift"""
     touch_depth: TouchDepth = TOUCH_DEPTH
 
 
 class PlaceRegion(Body):
     """Poses of the object on a rectangle across z of a pose, turned about that z."""
 
-    pose: PoseInFrame = Field(description="of the object in the middle of the rectangle")
-    size: Annotated[list[NonNegative], Field(min_length=2, max_length=2)] = Field(
-        [0.0, 0.0], description="along x and y of the pose [m]"
-    )
-    angles: Range = Field([0.0, 0.0], description="[least, largest] angle about its z [rad]")
-    samples: Annotated[list[Samples], Field(min_length=2, max_length=2)] = Field(
-        [3, 3], description="along x and y"
-    )
-    angle_samples: Samples = Field(4, description="angles that are tried")
+    pose: PoseInFrame
+    """of the object in the middle of the rectangle"""
+    size: Annotated[list[NonNegative], Field(min_length=2, max_length=2)] = Field([0.0, 0.0])
+    """along x and y of the pose [m]"""
+    angles: Range = Field([0.0, 0.0])
+    """[least, largest] angle about its z [rad]"""
+    samples: Annotated[list[Samples], Field(min_length=2, max_length=2)] = Field([3, 3])
+    """along x and y"""
+    angle_samples: Samples = 4
+    """angles that are tried"""
 
 
 class PlaceGrid(Body):
     """Poses of objects side by side; a place inside of `for_each` takes the next one."""
 
-    pose: PoseInFrame = Field(description="of the first object")
-    step: Point = Field(description="from one to the next along x, y and z of the pose [m]")
-    count: Annotated[list[Samples], Field(min_length=3, max_length=3)] = Field(
-        [1, 1, 1000], description="along x, y and z; along x first"
-    )
-    first: Annotated[int, Field(ge=0)] = Field(0, description="number of the first free place")
-    fill: Literal["next", "any"] = Field(
-        "next", description="the next place by number, or any that is free"
-    )
+    pose: PoseInFrame
+    """of the first object"""
+    step: Point
+    """from one to the next along x, y and z of the pose [m]"""
+    count: Annotated[list[Samples], Field(min_length=3, max_length=3)] = Field([1, 1, 1000])
+    """along x, y and z; along x first"""
+    first: Annotated[int, Field(ge=0)] = 0
+    """number of the first free place"""
+    fill: Literal["next", "any"] = "next"
+    """the next place by number, or any that is free"""
 
 
 class RestingPlaces(Body):
     """Poses of the object on the flat tops of its supports, each face down that it stands on."""
 
-    samples: Annotated[list[Samples], Field(min_length=2, max_length=2)] = Field(
-        [3, 3], description="spots along x and y of each top"
-    )
-    angle_samples: Samples = Field(4, description="turns that are tried at each")
+    samples: Annotated[list[Samples], Field(min_length=2, max_length=2)] = Field([3, 3])
+    """spots along x and y of each top"""
+    angle_samples: Samples = 4
+    """turns that are tried at each"""
 
 
 class PlaceStage(StageBody, BodyWithRules):
@@ -362,24 +363,22 @@ class PlaceStage(StageBody, BodyWithRules):
     one_of: ClassVar[tuple[str, ...]] = ("poses", "region", "grid", "stack", "resting")
 
     kind: Literal["place"] = "place"
-    object: Label | None = Field(None, description="what is held, if that is one thing")
-    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=MAX_TARGETS)] | None = Field(
-        None, description="of the object"
-    )
-    region: PlaceRegion | None = Field(None, description="of poses, in place of a list")
-    grid: PlaceGrid | None = Field(None, description="of poses, filled one by one")
-    stack: PlaceGrid | None = Field(
-        None, description="likewise; each object may touch the one that was put there before it"
-    )
-    resting: RestingPlaces | None = Field(
-        None, description="poses found from the shapes of the object and of `support`, as it stands"
-    )
-    relative_to: Label | None = Field(
-        None, description="an obstacle in whose frame the poses are, wherever it then stands"
-    )
-    support: Support | None = Field(
-        None, description="what it is put on: they may touch from the approach to detach"
-    )
+    object: Label | None = None
+    """what is held, if that is one thing"""
+    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=MAX_TARGETS)] | None = None
+    """of the object"""
+    region: PlaceRegion | None = None
+    """of poses, in place of a list"""
+    grid: PlaceGrid | None = None
+    """of poses, filled one by one"""
+    stack: PlaceGrid | None = None
+    """likewise; each object may touch the one that was put there before it"""
+    resting: RestingPlaces | None = None
+    """poses found from the shapes of the object and of `support`, as it stands"""
+    relative_to: Label | None = None
+    """an obstacle in whose frame the poses are, wherever it then stands"""
+    support: Support | None = None
+    """what it is put on: they may touch from the approach to detach"""
     touch_depth: TouchDepth = TOUCH_DEPTH
 
     @model_validator(mode="after")
@@ -395,26 +394,29 @@ class AttachStage(StageBody, BodyWithRules):
     only_beside: ClassVar[Beside] = {"center_of_mass": ("mass",), "inertia": ("mass",)}
 
     kind: Literal["attach"] = "attach"
-    object: Label = Field(description="name of the obstacle", examples=["crate"])
-    link: Label | None = Field(None, description="that holds it and moves with the tip; the tip")
-    touch_links: Labels = Field(
-        default_factory=list, description="links and obstacles that it may touch while it is held"
-    )
+    object: Label = Field(examples=["crate"])
+    """name of the obstacle"""
+    link: Label | None = None
+    """that holds it and moves with the tip; the tip"""
+    touch_links: Labels = Field(default_factory=list)
+    """links and obstacles that it may touch while it is held"""
     touch_depth: TouchDepth = TOUCH_DEPTH
-    mass: Positive | None = Field(None, description="for torques [kg]")
-    center_of_mass: Point | None = Field(None, description="in the object's frame [m]")
-    inertia: Matrix3 | None = Field(None, description="about it, in the object's axes [kg m^2]")
+    mass: Positive | None = None
+    """for torques [kg]"""
+    center_of_mass: Point | None = None
+    """in the object's frame [m]"""
+    inertia: Matrix3 | None = None
+    """about it, in the object's axes [kg m^2]"""
 
 
 class DetachStage(StageBody):
     """The object becomes an obstacle, where it is held."""
 
     kind: Literal["detach"] = "detach"
-    object: Label | None = Field(None, description="what is held, if that is one thing")
-    touch_links: Labels = Field(
-        default_factory=list,
-        description="links that may touch it until a free motion begins, beside those of its grasp",
-    )
+    object: Label | None = None
+    """what is held, if that is one thing"""
+    touch_links: Labels = Field(default_factory=list)
+    """links that may touch it until a free motion begins, beside those of its grasp"""
     touch_depth: TouchDepth = TOUCH_DEPTH
 
 
@@ -422,21 +424,21 @@ class WaitStage(StageBody):
     """The arm stands still."""
 
     kind: Literal["wait"] = "wait"
-    duration: Annotated[Positive, Field(le=3600.0)] = Field(description="[s]")
+    duration: Annotated[Positive, Field(le=3600.0)]
+    """[s]"""
 
 
 class GripperStage(StageBody):
     """The gripper opens or closes while the arm stands still."""
 
-    joints: FingerPositions | None = Field(
-        None,
-        description="where joints of the gripper go [rad or m]; the others stay. If left out, the "
-        "gripper's state of the name open or close, if it has one",
-    )
-    state: Label | None = Field(None, description="in place of joints: a state of the gripper")
-    duration: Annotated[Positive, Field(le=3600.0)] | None = Field(
-        None, description="[s]; half a second if left out, or what the fingers' speeds need"
-    )
+    joints: FingerPositions | None = None
+    """where joints of the gripper go [rad or m]; the others stay. If left out, the gripper's state
+    of the name open or close, if it has one
+    """
+    state: Label | None = None
+    """in place of joints: a state of the gripper"""
+    duration: Annotated[Positive, Field(le=3600.0)] | None = None
+    """[s]; half a second if left out, or what the fingers' speeds need"""
 
     @model_validator(mode="after")
     def _check_form(self) -> "GripperStage":
@@ -455,39 +457,43 @@ class CloseStage(GripperStage):
     """The gripper closes."""
 
     kind: Literal["close"] = "close"
-    until: Literal["contact"] | None = Field(
-        None,
-        description="contact: the fingers stop where they touch the object of the grasp right "
-        "before, for each grasp of its list where that is; joints or state say how far they may "
-        "close. A grasp that fewer than two fingers touch is not taken",
-    )
+    until: Literal["contact"] | None = None
+    """contact: the fingers stop where they touch the object of the grasp right before, for each
+    grasp of its list where that is; joints or state say how far they may close. A grasp that fewer
+    than two fingers touch is not taken
+    """
 
 
 class SignalStage(StageBody):
     """A digital output is switched while the arm stands still: it stands in the program."""
 
     kind: Literal["signal"] = "signal"
-    output: Port = Field(description="number of the output, or its name", examples=[3])
-    value: bool = Field(True, description="on or off")
-    duration: Annotated[NonNegative, Field(le=3600.0)] = Field(
-        0.0, description="how long the arm stands after it [s]"
-    )
+    output: Port = Field(examples=[3])
+    """number of the output, or its name"""
+    value: bool = True
+    """on or off"""
+    duration: Annotated[NonNegative, Field(le=3600.0)] = 0.0
+    """how long the arm stands after it [s]"""
 
 
 class SetStage(StageBody):
     """An analog output is given a number while the arm stands still."""
 
     kind: Literal["set"] = "set"
-    output: Port = Field(description="number of the output, or its name", examples=["spindle"])
-    value: Number = Field(description="that it gets, in the controller's units")
+    output: Port = Field(examples=["spindle"])
+    """number of the output, or its name"""
+    value: Number
+    """that it gets, in the controller's units"""
 
 
 class WaitForStage(StageBody):
     """The program waits for a digital input while the arm stands still."""
 
     kind: Literal["wait_for"] = "wait_for"
-    input: Port = Field(description="number of the input, or its name", examples=[1])
-    value: bool = Field(True, description="that is waited for: on or off")
+    input: Port = Field(examples=[1])
+    """number of the input, or its name"""
+    value: bool = True
+    """that is waited for: on or off"""
 
 
 class ForEachStage(Body):
@@ -497,18 +503,14 @@ class ForEachStage(Body):
     for_each: dict[
         Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")],
         Annotated[list[Label], Field(min_length=1, max_length=MAX_STAGES)],
-    ] = Field(
-        examples=[{"object": ["part_1", "part_2"]}],
-        description="names that stand for `{object}`; several lists of one length go side by side",
-    )
-    order: Literal["written", "free", "shortest"] = Field(
-        "written",
-        description="free: another order where this one can't be done; shortest: the one that "
-        "takes the least time of those found before the timeout, at the top level",
-    )
-    stages: Annotated[list["StageUnion"], Field(min_length=1, max_length=MAX_STAGES)] = Field(
-        description="of each, in order"
-    )
+    ] = Field(examples=[{"object": ["part_1", "part_2"]}])
+    """names that stand for `{object}`; several lists of one length go side by side"""
+    order: Literal["written", "free", "shortest"] = "written"
+    """free: another order where this one can't be done; shortest: the one that takes the least time
+    of those found before the timeout, at the top level
+    """
+    stages: Annotated[list["StageUnion"], Field(min_length=1, max_length=MAX_STAGES)]
+    """of each, in order"""
 
     @model_validator(mode="after")
     def _check_lists(self) -> "ForEachStage":
@@ -525,23 +527,23 @@ class RegraspStage(BodyWithRules):
 
     kind: Literal["regrasp"] = "regrasp"
     supports: Annotated[list[Label], Field(min_length=1, max_length=100)] | None = Field(
-        None, examples=[["bench"]], description="obstacles with a flat top to put it down on"
+        None, examples=[["bench"]]
     )
-    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=MAX_TARGETS)] | None = Field(
-        None, description="of the object where it is put down"
-    )
-    region: PlaceRegion | None = Field(None, description="of such poses, in place of a list")
-    support: Support | None = Field(None, description="what it stands on there")
-    grasps: Grasps | None = Field(
-        None,
-        description="of the grasps after; those of the grasp before if left out, antipodal ones "
-        "where these are top or side",
-    )
-    most: Annotated[int, Field(ge=1, le=3)] = Field(1, description="how often at most")
-    distance: Distance = Field(
-        [0.02, 0.08],
-        description="[least, most] way down to where it is put, and of the tool off it",
-    )
+    """obstacles with a flat top to put it down on"""
+    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=MAX_TARGETS)] | None = None
+    """of the object where it is put down"""
+    region: PlaceRegion | None = None
+    """of such poses, in place of a list"""
+    support: Support | None = None
+    """what it stands on there"""
+    grasps: Grasps | None = None
+    """of the grasps after; those of the grasp before if left out, antipodal ones where these are
+    top or side
+    """
+    most: Annotated[int, Field(ge=1, le=3)] = 1
+    """how often at most"""
+    distance: Distance = Field([0.02, 0.08])
+    """[least, most] way down to where it is put, and of the tool off it"""
 
 
 class FallbackStage(Body):
@@ -551,7 +553,8 @@ class FallbackStage(Body):
     fallback: Annotated[
         list[Annotated[list["StageUnion"], Field(max_length=MAX_STAGES)]],
         Field(min_length=1, max_length=100),
-    ] = Field(description="stages of each alternative")
+    ]
+    """stages of each alternative"""
 
 
 def _with_kind(value: object) -> object:

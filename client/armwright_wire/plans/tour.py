@@ -62,33 +62,29 @@ class TourGoal(BodyWithRules):
         "tolerance": ("pose", "any_of"),
     }
 
-    joints: JointVector | None = Field(
-        None, description="the configuration [rad or m]", examples=[JOINTS_EXAMPLE]
-    )
-    state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
-    pose: PoseInFrame | None = Field(None, description="pose of the tip")
+    joints: JointVector | None = Field(None, examples=[JOINTS_EXAMPLE])
+    """the configuration [rad or m]"""
+    state: Label | None = Field(None, examples=["home"])
+    """a named state of the robot"""
+    pose: PoseInFrame | None = None
+    """pose of the tip"""
     any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_ALTERNATIVES)] | None = (
-        Field(None, description="configurations and poses, of which one is visited")
+        None
     )
+    """configurations and poses, of which one is visited"""
     frame: Frame | None = None
-    position_tolerance: Tolerance | None = Field(None, description="of the pose [m]")
-    orientation_tolerance: Tolerance | None = Field(None, description="of the pose [rad]")
-    id: Label | None = Field(
-        None,
-        description="its name in precedence and in the answer; its number, from 0 on, if left out",
-        examples=["hole_7"],
-    )
-    tolerance: ReachTolerance | None = Field(
-        None, description="deviation that is allowed from its poses, such as a free spin"
-    )
-    dwell: Annotated[NonNegative, Field(le=86_400.0)] = Field(
-        0.0, description="how long the arm stays there [s]"
-    )
-    group: Label | None = Field(
-        None,
-        description="goals of one group are visited one after another, with no other between them",
-        examples=["left_side"],
-    )
+    position_tolerance: Tolerance | None = None
+    """of the pose [m]"""
+    orientation_tolerance: Tolerance | None = None
+    """of the pose [rad]"""
+    id: Label | None = Field(None, examples=["hole_7"])
+    """its name in precedence and in the answer; its number, from 0 on, if left out"""
+    tolerance: ReachTolerance | None = None
+    """deviation that is allowed from its poses, such as a free spin"""
+    dwell: Annotated[NonNegative, Field(le=86_400.0)] = 0.0
+    """how long the arm stays there [s]"""
+    group: Label | None = Field(None, examples=["left_side"])
+    """goals of one group are visited one after another, with no other between them"""
 
     @model_validator(mode="after")
     def _check_form(self) -> "TourGoal":
@@ -107,58 +103,51 @@ class TourRequest(WithTool, Keepable):
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("TourRequest")})
 
-    robot: Name = Field(description="the robot", examples=["panda"])
-    scene: SceneReference | None = Field(None, description="what is in the way", examples=["table"])
+    robot: Name = Field(examples=["panda"])
+    """the robot"""
+    scene: SceneReference | None = Field(None, examples=["table"])
+    """what is in the way"""
     frame: Frame | None = None
-    start: Start | None = Field(
-        None, description="where the tour begins, at rest; at any goal if left out"
-    )
-    end: Literal["any", "start"] | Start = Field(
-        "any",
-        description="where it ends: at any goal, back at the start, or at a configuration",
-        examples=["start"],
-    )
-    goals: Annotated[list[TourGoal], Field(min_length=2, max_length=MAX_GOALS)] = Field(
-        description="2 to 500 goals, in any order"
-    )
+    start: Start | None = None
+    """where the tour begins, at rest; at any goal if left out"""
+    end: Literal["any", "start"] | Start = Field("any", examples=["start"])
+    """where it ends: at any goal, back at the start, or at a configuration"""
+    goals: Annotated[list[TourGoal], Field(min_length=2, max_length=MAX_GOALS)]
+    """2 to 500 goals, in any order"""
     precedence: Annotated[
         list[Annotated[list[Label], Field(min_length=2, max_length=2)]],
         Field(max_length=MAX_PRECEDENCE),
-    ] = Field(
-        default_factory=list,
-        description="pairs of goals or groups: the first is visited before the second",
-        examples=[[["hole_1", "hole_0"]]],
-    )
-    attached: AttachedObjects | None = Field(None, description="objects that the robot holds")
+    ] = Field(default_factory=list, examples=[[["hole_1", "hole_0"]]])
+    """pairs of goals or groups: the first is visited before the second"""
+    attached: AttachedObjects | None = None
+    """objects that the robot holds"""
     allowed_collisions: AllowedCollisions | None = None
     constraints: Constraints | None = None
-    margin: Margin = Field(0.0, description="distance to be kept from obstacles [m]")
-    clearance: Clearance | None = Field(
-        None, description="distance to be kept wherever there is room; none if left out"
-    )
+    margin: Margin = 0.0
+    """distance to be kept from obstacles [m]"""
+    clearance: Clearance | None = None
+    """distance to be kept wherever there is room; none if left out"""
     goal_costs: GoalCosts | None = None
-    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] | None = Field(
-        None,
-        description="a configuration outside a limit by no more is moved onto it [rad or m]; if "
-        "left out a start or end by 0.01 % of the limit, as measurements miss it, a goal by 1e-6",
-    )
-    timing: Timing = Field(default_factory=Timing, description="of every leg")
-    limits: LimitsBody | None = Field(None, description="of the joints, in place of the robot's")
+    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] | None = None
+    """a configuration outside a limit by no more is moved onto it [rad or m]; if left out a start
+    or end by 0.01 % of the limit, as measurements miss it, a goal by 1e-6
+    """
+    timing: Timing = Field(default_factory=Timing)
+    """of every leg"""
+    limits: LimitsBody | None = None
+    """of the joints, in place of the robot's"""
     stops: Stops = "none"
-    rounds: Annotated[int, Field(ge=0, le=MAX_ROUNDS)] = Field(
-        20, description="rounds of search and proof after the first tour that is proved"
-    )
-    leg_timeout: Annotated[Positive, Field(le=600.0)] = Field(
-        10.0,
-        description="longest that one leg is planned [s]; before that, planners end after a number "
-        "of edges",
-    )
-    allow_partial: bool = Field(
-        False, description="whether a tour that leaves goals out is an answer"
-    )
+    rounds: Annotated[int, Field(ge=0, le=MAX_ROUNDS)] = 20
+    """rounds of search and proof after the first tour that is proved"""
+    leg_timeout: Annotated[Positive, Field(le=600.0)] = 10.0
+    """longest that one leg is planned [s]; before that, planners end after a number of edges"""
+    allow_partial: bool = False
+    """whether a tour that leaves goals out is an answer"""
     witness: Witness = False
-    timeout: Timeout | None = Field(None, description="for the whole tour [s]")
-    seed: Seed = Field(0, description="of everything random")
+    timeout: Timeout | None = None
+    """for the whole tour [s]"""
+    seed: Seed = 0
+    """of everything random"""
 
     @model_validator(mode="after")
     def _check_ends(self) -> "TourRequest":
@@ -175,83 +164,110 @@ class TourRequest(WithTool, Keepable):
 class VisitAnswer(Answer):
     """One goal that is visited."""
 
-    id: str = Field(description="its name")
-    index: int = Field(description="its number in the request")
-    alternative: int = Field(description="which of any_of is taken, 0 without")
-    joints: list[float] = Field(description="the configuration [rad or m]")
-    arrival: float = Field(description="when the arm gets there [s]")
-    departure: float = Field(description="when it goes on [s]")
-    configuration: ConfigurationAnswer | None = Field(
-        None, description="what it costs and why it was chosen; null of a goal without a pose"
-    )
+    id: str
+    """its name"""
+    index: int
+    """its number in the request"""
+    alternative: int
+    """which of any_of is taken, 0 without"""
+    joints: list[float]
+    """the configuration [rad or m]"""
+    arrival: float
+    """when the arm gets there [s]"""
+    departure: float
+    """when it goes on [s]"""
+    configuration: ConfigurationAnswer | None = None
+    """what it costs and why it was chosen; null of a goal without a pose"""
 
 
 class LegAnswer(Answer):
     """One motion of the tour, from rest to rest."""
 
-    origin: str | None = Field(description="the goal that it comes from; null for the start")
-    target: str | None = Field(description="the goal that it leads to; null for the end")
-    begins: float = Field(description="when [s]")
-    planner: str = Field(description="the stage of planning that found it")
-    path: PathAnswer = Field(description="its corners in joint space")
-    trajectory: TrajectoryAnswer = Field(description="the timed motion, from its own time 0")
-    certificate: CertificateAnswer = Field(description="the proof")
+    origin: str | None
+    """the goal that it comes from; null for the start"""
+    target: str | None
+    """the goal that it leads to; null for the end"""
+    begins: float
+    """when [s]"""
+    planner: str
+    """the stage of planning that found it"""
+    path: PathAnswer
+    """its corners in joint space"""
+    trajectory: TrajectoryAnswer
+    """the timed motion, from its own time 0"""
+    certificate: CertificateAnswer
+    """the proof"""
 
 
 class UnvisitedAnswer(Answer):
     """A goal that is left out."""
 
-    id: str = Field(description="its name")
-    index: int = Field(description="its number in the request")
-    code: str = Field(description="kind of reason, a problem's code or PREDECESSOR_LEFT_OUT")
-    message: str = Field(description="the reason")
-    details: dict[str, Any] = Field(description="values a program can use")
+    id: str
+    """its name"""
+    index: int
+    """its number in the request"""
+    code: str
+    """kind of reason, a problem's code or PREDECESSOR_LEFT_OUT"""
+    message: str
+    """the reason"""
+    details: dict[str, Any]
+    """values a program can use"""
 
 
 class TourImprovementAnswer(Answer):
     """A proved tour that was the best so far: its time and its configurations."""
 
-    round: int = Field(description="round of search and proof that found it")
-    time: float = Field(description="of the whole tour [s]")
+    round: int
+    """round of search and proof that found it"""
+    time: float
+    """of the whole tour [s]"""
 
 
 class TourSearchAnswer(Answer):
     """Effort of the search."""
 
-    configurations: int = Field(description="of all goals together that the search chose from")
-    checked: int = Field(description="straight motions that were checked")
-    blocked: int = Field(description="those of them that something is in the way of")
-    planned: int = Field(description="legs that were planned and proved")
-    rounds: int = Field(description="rounds of search and proof")
-    improvements: list[TourImprovementAnswer] = Field(
-        description="proved tours that were the best so far"
-    )
-    stopped: Literal["finished", "rounds", "deadline"] = Field(
-        description="why it ended: finished where rounds found nothing shorter"
-    )
+    configurations: int
+    """of all goals together that the search chose from"""
+    checked: int
+    """straight motions that were checked"""
+    blocked: int
+    """those of them that something is in the way of"""
+    planned: int
+    """legs that were planned and proved"""
+    rounds: int
+    """rounds of search and proof"""
+    improvements: list[TourImprovementAnswer]
+    """proved tours that were the best so far"""
+    stopped: Literal["finished", "rounds", "deadline"]
+    """why it ended: finished where rounds found nothing shorter"""
 
 
 class TourAnswer(InFrame):
     """A tour whose every leg is proved."""
 
-    status: Literal["complete", "partial"] = Field(
-        description="partial where goals are left out, or the way to the tour's end"
-    )
-    order: list[str] = Field(description="goals in the order of their visit")
-    time: float = Field(description="of the whole tour, stays among them [s]")
-    dwell_time: float = Field(description="of all stays together [s]")
-    lower_bound: float | None = Field(
-        description="no tour over the configurations that were found takes less [s], whatever "
-        "is in the way; null where time was up"
-    )
-    gap: float | None = Field(
-        description="share of the bound by which the tour may be too long at most"
-    )
-    visits: list[VisitAnswer] = Field(description="of the goals, in order")
-    legs: list[LegAnswer] = Field(description="the motions, in order")
-    unvisited: list[UnvisitedAnswer] = Field(description="goals that are left out, and why")
+    status: Literal["complete", "partial"]
+    """partial where goals are left out, or the way to the tour's end"""
+    order: list[str]
+    """goals in the order of their visit"""
+    time: float
+    """of the whole tour, stays among them [s]"""
+    dwell_time: float
+    """of all stays together [s]"""
+    lower_bound: float | None
+    """no tour over the configurations that were found takes less [s], whatever is in the way; null
+    where time was up
+    """
+    gap: float | None
+    """share of the bound by which the tour may be too long at most"""
+    visits: list[VisitAnswer]
+    """of the goals, in order"""
+    legs: list[LegAnswer]
+    """the motions, in order"""
+    unvisited: list[UnvisitedAnswer]
+    """goals that are left out, and why"""
     search: TourSearchAnswer
-    joint_names: list[str] = Field(description="base to tip")
+    joint_names: list[str]
+    """base to tip"""
     allowed_collisions: AllowedAnswers = Field(default_factory=list)
     reproducibility: Reproducibility
     plan_id: PlanId = None

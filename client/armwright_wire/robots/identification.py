@@ -37,24 +37,22 @@ class LogBody(BodyWithRules):
 
     one_of: ClassVar[tuple[str, ...]] = ("torques", "currents")
 
-    positions: Rows = Field(description="q, a row for each instant [rad or m]")
-    torques: Rows | None = Field(None, description="τ, a row for each instant [N m or N]")
-    currents: Rows | None = Field(
-        None, description="in place of torques, a row for each instant [A]"
-    )
-    gains: Annotated[list[Number], Field(min_length=1, max_length=MAX_JOINTS)] | None = Field(
-        None, description="of currents: torque of the joint for one ampere [N m/A or N/A]"
-    )
-    times: Annotated[list[Number], Field(min_length=1, max_length=MAX_INSTANTS)] | None = Field(
-        None, description="ascending instants, one for each row [s]"
-    )
-    period: Positive | None = Field(None, description="from one row to the next, for times [s]")
-    velocities: Rows | None = Field(
-        None, description="q̇; derivatives of the positions if left out [rad/s or m/s]"
-    )
-    accelerations: Rows | None = Field(
-        None, description="q̈; derivatives if left out [rad/s² or m/s²]"
-    )
+    positions: Rows
+    """q, a row for each instant [rad or m]"""
+    torques: Rows | None = None
+    """τ, a row for each instant [N m or N]"""
+    currents: Rows | None = None
+    """in place of torques, a row for each instant [A]"""
+    gains: Annotated[list[Number], Field(min_length=1, max_length=MAX_JOINTS)] | None = None
+    """of currents: torque of the joint for one ampere [N m/A or N/A]"""
+    times: Annotated[list[Number], Field(min_length=1, max_length=MAX_INSTANTS)] | None = None
+    """ascending instants, one for each row [s]"""
+    period: Positive | None = None
+    """from one row to the next, for times [s]"""
+    velocities: Rows | None = None
+    """q̇; derivatives of the positions if left out [rad/s or m/s]"""
+    accelerations: Rows | None = None
+    """q̈; derivatives if left out [rad/s² or m/s²]"""
 
     @model_validator(mode="after")
     def _check_form(self) -> "LogBody":
@@ -70,23 +68,20 @@ class IdentifyRequest(WithTool):
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("IdentifyRequest")})
 
-    logs: Annotated[list[LogBody], Field(min_length=1, max_length=MAX_LOGS)] = Field(
-        description="motions that differ, or poses at rest"
-    )
-    find: Literal["robot", "payload"] = Field(
-        "robot", description="payload: ten parameters of a load, the robot's own being known"
-    )
-    link: Label | None = Field(None, description="that carries the payload; the tip if left out")
-    drives: Drives | None = Field(
-        None,
-        description="parameters of the drives to be found too; all four of a robot, none with a "
-        "payload if left out",
-    )
-    cutoff: Positive | None = Field(
-        None,
-        description="of a low-pass filter without delay [Hz]; if left out 10 Hz where derivatives "
-        "are missing, else none",
-    )
+    logs: Annotated[list[LogBody], Field(min_length=1, max_length=MAX_LOGS)]
+    """motions that differ, or poses at rest"""
+    find: Literal["robot", "payload"] = "robot"
+    """payload: ten parameters of a load, the robot's own being known"""
+    link: Label | None = None
+    """that carries the payload; the tip if left out"""
+    drives: Drives | None = None
+    """parameters of the drives to be found too; all four of a robot, none with a payload if left
+    out
+    """
+    cutoff: Positive | None = None
+    """of a low-pass filter without delay [Hz]; if left out 10 Hz where derivatives are missing,
+    else none
+    """
     timeout: Timeout | None = None
 
     @model_validator(mode="after")
@@ -109,36 +104,51 @@ class IdentifyRequest(WithTool):
 class FoundParameterAnswer(Answer):
     """A combination of parameters that the logs determine."""
 
-    name: str = Field(examples=["Izz1 + 0.25 m2"], description="the combination, as a formula")
-    unit: str = Field(examples=["kg m²"], description="of its value")
-    value: float = Field(description="by weighted least squares")
-    standard_error: float = Field(description="standard deviation of the value")
-    consistent: float = Field(description="of the bodies with positive density that fit best")
-    believed: float = Field(description="of the robot as it is stored; 0 for a payload")
-    excited: bool = Field(description="the standard error is below the usual size of such a one")
+    name: str = Field(examples=["Izz1 + 0.25 m2"])
+    """the combination, as a formula"""
+    unit: str = Field(examples=["kg m²"])
+    """of its value"""
+    value: float
+    """by weighted least squares"""
+    standard_error: float
+    """standard deviation of the value"""
+    consistent: float
+    """of the bodies with positive density that fit best"""
+    believed: float
+    """of the robot as it is stored; 0 for a payload"""
+    excited: bool
+    """the standard error is below the usual size of such a one"""
 
 
 class JointResidual(Answer):
     """What is left of the torques of a joint, root mean squares."""
 
-    joint: str = Field(description="name of the joint")
-    torque: float = Field(description="of the torques [N m or N]")
-    residual: float = Field(description="that least squares leave [N m or N]")
-    consistent_residual: float = Field(description="that the bodies found leave [N m or N]")
-    offset: float = Field(description="constant torque of the sensor [N m or N]; 0 if not sought")
+    joint: str
+    """name of the joint"""
+    torque: float
+    """of the torques [N m or N]"""
+    residual: float
+    """that least squares leave [N m or N]"""
+    consistent_residual: float
+    """that the bodies found leave [N m or N]"""
+    offset: float
+    """constant torque of the sensor [N m or N]; 0 if not sought"""
 
 
 class IdentifyAnswer(InFrame):
     """Parameters found, how sure they are, and what robots or requests take of them."""
 
-    parameters: list[FoundParameterAnswer] = Field(description="combinations determined")
-    not_excited: list[str] = Field(
-        description="combinations that motions can determine and these logs do not, and why"
-    )
-    joints: list[JointResidual] = Field(description="residuals, by joint")
-    condition: float = Field(description="of the weighted equations, their columns scaled")
-    samples: int = Field(description="instants that count, after the filter")
-    inertias: RobotInertias | None = Field(
-        None, description="of a robot: as PATCH /v1/robots/{name} takes them"
-    )
-    payload: Payload | None = Field(None, description="as other requests take it")
+    parameters: list[FoundParameterAnswer]
+    """combinations determined"""
+    not_excited: list[str]
+    """combinations that motions can determine and these logs do not, and why"""
+    joints: list[JointResidual]
+    """residuals, by joint"""
+    condition: float
+    """of the weighted equations, their columns scaled"""
+    samples: int
+    """instants that count, after the filter"""
+    inertias: RobotInertias | None = None
+    """of a robot: as PATCH /v1/robots/{name} takes them"""
+    payload: Payload | None = None
+    """as other requests take it"""

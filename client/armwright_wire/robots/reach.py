@@ -44,17 +44,23 @@ class ReachTolerance(Body):
     """Deviation that is allowed from each pose, in its own frame: x, y, z, then Rx Ry Rz."""
 
     free: Annotated[list[Rotation], Field(max_length=3)] = Field(
-        default_factory=list, description="axes about which any angle will do", examples=[["rz"]]
+        default_factory=list, examples=[["rz"]]
     )
-    x: Range | None = Field(None, description="[least, largest] deviation along x [m]")
-    y: Range | None = Field(None, description="along y [m]")
-    z: Range | None = Field(None, description="along z [m]", examples=[[-0.005, 0.005]])
-    rx: Range | None = Field(None, description="about x [rad]")
-    ry: Range | None = Field(None, description="about y [rad]")
-    rz: Range | None = Field(None, description="about z [rad]")
-    samples: Annotated[int, Field(ge=1, le=360)] = Field(
-        12, description="values tried on each of these axes"
-    )
+    """axes about which any angle will do"""
+    x: Range | None = None
+    """[least, largest] deviation along x [m]"""
+    y: Range | None = None
+    """along y [m]"""
+    z: Range | None = Field(None, examples=[[-0.005, 0.005]])
+    """along z [m]"""
+    rx: Range | None = None
+    """about x [rad]"""
+    ry: Range | None = None
+    """about y [rad]"""
+    rz: Range | None = None
+    """about z [rad]"""
+    samples: Annotated[int, Field(ge=1, le=360)] = 12
+    """values tried on each of these axes"""
 
     @model_validator(mode="after")
     def _free_or_range(self) -> Self:
@@ -72,15 +78,17 @@ class ReachBox(Body):
     """A box of the workspace with a grid of points, each with all orientations."""
 
     size: Annotated[list[Edge], Field(min_length=3, max_length=3)] = Field(
-        description="lengths of its edges [m]; 0 for a plane or a line", examples=[[1.2, 1.2, 0.0]]
+        examples=[[1.2, 1.2, 0.0]]
     )
-    pose: Pose = Field(description="of its centre")
-    spacing: Positive = Field(description="largest distance of neighbouring points [m]")
+    """lengths of its edges [m]; 0 for a plane or a line"""
+    pose: Pose
+    """of its centre"""
+    spacing: Positive
+    """largest distance of neighbouring points [m]"""
     orientations: Quaternions = Field(
-        default_factory=lambda: [[0.0, 0.0, 0.0, 1.0]],
-        description="of the link at every point, x, y, z, w",
-        examples=[[[1.0, 0.0, 0.0, 0.0]]],
+        default_factory=lambda: [[0.0, 0.0, 0.0, 1.0]], examples=[[[1.0, 0.0, 0.0, 0.0]]]
     )
+    """of the link at every point, x, y, z, w"""
 
     @field_validator("orientations")
     @classmethod
@@ -93,13 +101,16 @@ class ReachBox(Body):
 class BaseRegion(Body):
     """Candidates for the base on a rectangle of the floor, turned about the vertical."""
 
-    x: Range = Field(description="[least, largest] [m]", examples=[[-0.5, 0.5]])
-    y: Range = Field(description="[least, largest] [m]", examples=[[-0.5, 0.5]])
-    z: Number = Field(0.0, description="height of the base [m]")
-    spacing: Positive = Field(description="largest distance of neighbouring candidates [m]")
-    yaws: Annotated[int, Field(ge=1, le=360)] = Field(
-        8, description="angles about z, evenly over a turn"
-    )
+    x: Range = Field(examples=[[-0.5, 0.5]])
+    """[least, largest] [m]"""
+    y: Range = Field(examples=[[-0.5, 0.5]])
+    """[least, largest] [m]"""
+    z: Number = 0.0
+    """height of the base [m]"""
+    spacing: Positive
+    """largest distance of neighbouring candidates [m]"""
+    yaws: Annotated[int, Field(ge=1, le=360)] = 8
+    """angles about z, evenly over a turn"""
 
 
 class ReachRequest(WithTool, BodyWithRules):
@@ -107,38 +118,37 @@ class ReachRequest(WithTool, BodyWithRules):
 
     one_of: ClassVar[tuple[str, ...]] = ("poses", "box")
 
-    poses: Annotated[list[Pose], Field(min_length=1, max_length=MAX_POSES)] | None = Field(
-        None, description="task poses of the link"
-    )
-    box: ReachBox | None = Field(None, description="a grid of poses in place of a list")
+    poses: Annotated[list[Pose], Field(min_length=1, max_length=MAX_POSES)] | None = None
+    """task poses of the link"""
+    box: ReachBox | None = None
+    """a grid of poses in place of a list"""
     frame: Frame | None = None
-    link: Label | None = Field(None, description="the tip if left out")
+    link: Label | None = None
+    """the tip if left out"""
     tolerance: ReachTolerance | None = None
     scene: SceneReference | None = Field(None, examples=["table"])
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
-    margin: Annotated[NonNegative, Field(le=10.0)] = Field(
-        0.0, description="distance to be kept from obstacles [m]"
-    )
-    choice: Literal["manipulability", "clearance", "limits", "first"] = Field(
-        "manipulability",
-        description="what makes the best configuration of a pose; with `first` the first one that "
-        "is found free will do, and `branches` and `samples` count no further",
-    )
-    clearance: bool = Field(True, description="measure the clearance of the best configurations")
+    margin: Annotated[NonNegative, Field(le=10.0)] = 0.0
+    """distance to be kept from obstacles [m]"""
+    choice: Literal["manipulability", "clearance", "limits", "first"] = "manipulability"
+    """what makes the best configuration of a pose; with `first` the first one that is found free
+    will do, and `branches` and `samples` count no further
+    """
+    clearance: bool = True
+    """measure the clearance of the best configurations"""
     joints: bool | None = Field(
         None, description=f"answer the best configurations; for up to {JOINTS_UP_TO} poses if left "
         "out",
     )  # fmt: skip
-    bases: Annotated[list[Pose], Field(min_length=1, max_length=MAX_BASES)] | None = Field(
-        None, description="candidates for the base; poses and scene are then meant in their frame"
-    )
-    base_region: BaseRegion | None = Field(None, description="candidates on the floor instead")
-    format: Literal["json", "svg", "glb"] = Field(
-        "json",
-        description="arrays, or with box and one orientation a picture of its slices, or a "
-        "coloured mesh of what is reached (binary glTF)",
-    )
+    bases: Annotated[list[Pose], Field(min_length=1, max_length=MAX_BASES)] | None = None
+    """candidates for the base; poses and scene are then meant in their frame"""
+    base_region: BaseRegion | None = None
+    """candidates on the floor instead"""
+    format: Literal["json", "svg", "glb"] = "json"
+    """arrays, or with box and one orientation a picture of its slices, or a coloured mesh of what
+    is reached (binary glTF)
+    """
     timeout: Timeout | None = None
     seed: Seed = 0
 
@@ -158,49 +168,58 @@ class ReachRequest(WithTool, BodyWithRules):
 class ReachGrid(Answer):
     """Order of the arrays of a box: x changes slowest, then y, z and the orientation."""
 
-    shape: list[int] = Field(description="numbers along x, y, z and of orientations")
-    axes: list[list[float]] = Field(description="coordinates along the box's axes [m]")
+    shape: list[int]
+    """numbers along x, y, z and of orientations"""
+    axes: list[list[float]]
+    """coordinates along the box's axes [m]"""
 
 
 class BaseAnswer(Answer):
     """One candidate for the base; figures are the worst of the poses that are reached."""
 
-    index: int = Field(description="number of the candidate")
+    index: int
+    """number of the candidate"""
     pose: PoseAnswer
-    reached: int = Field(description="how many of the poses")
-    clearance: float | None = Field(description="[m]; null where nothing can collide")
-    manipulability: float | None = Field(
-        description="product of the Jacobian's singular values; null where nothing is reached"
-    )
-    limit_distance: float | None = Field(
-        description="share of half its range left to the joint nearest to a limit; null likewise"
-    )
-    unreached: list[int] = Field(description="numbers of the first poses that are not reached")
+    reached: int
+    """how many of the poses"""
+    clearance: float | None
+    """[m]; null where nothing can collide"""
+    manipulability: float | None
+    """product of the Jacobian's singular values; null where nothing is reached"""
+    limit_distance: float | None
+    """share of half its range left to the joint nearest to a limit; null likewise"""
+    unreached: list[int]
+    """numbers of the first poses that are not reached"""
 
 
 class ReachAnswer(InFrame):
     """Reach of the poses in their order; with candidates for the base that from the best one."""
 
-    count: int = Field(description="number of poses")
-    reached: int = Field(description="how many of them are reached")
-    statuses: list[str] = Field(description="names of the numbers in status")
-    status: list[int] = Field(description="of each pose: a place in `statuses`")
-    branches: list[int] = Field(
-        description="branches of inverse kinematics that are free of collision"
-    )
-    samples: list[int] = Field(description="deviations within the tolerance that are reached")
-    manipulability: list[float | None] = Field(
-        description="product of the Jacobian's singular values at the best configuration"
-    )
-    clearance: list[float | None] = Field(
-        description="of the best configuration, margins taken off [m]; null where it was not asked "
-        "for or nothing can collide"
-    )
-    limit_distance: list[float | None] = Field(
-        description="share of half its range left to the joint nearest to a limit, 0 … 1"
-    )
-    joints: list[list[float] | None] | None = Field(description="the best configurations")
-    joint_names: list[str] = Field(description="order of the configurations")
+    count: int
+    """number of poses"""
+    reached: int
+    """how many of them are reached"""
+    statuses: list[str]
+    """names of the numbers in status"""
+    status: list[int]
+    """of each pose: a place in `statuses`"""
+    branches: list[int]
+    """branches of inverse kinematics that are free of collision"""
+    samples: list[int]
+    """deviations within the tolerance that are reached"""
+    manipulability: list[float | None]
+    """product of the Jacobian's singular values at the best configuration"""
+    clearance: list[float | None]
+    """of the best configuration, margins taken off [m]; null where it was not asked for or nothing
+    can collide
+    """
+    limit_distance: list[float | None]
+    """share of half its range left to the joint nearest to a limit, 0 … 1"""
+    joints: list[list[float] | None] | None
+    """the best configurations"""
+    joint_names: list[str]
+    """order of the configurations"""
     grid: ReachGrid | None = None
-    bases: list[BaseAnswer] | None = Field(None, description="best first")
+    bases: list[BaseAnswer] | None = None
+    """best first"""
     allowed_collisions: AllowedAnswers = Field(default_factory=list)

@@ -48,19 +48,16 @@ TouchDepth = Annotated[
 class AllowedAnswer(Answer):
     """A pair that was not kept apart."""
 
-    pair: NamePair = Field(
-        examples=[["panda_hand", "table_top"]], description="names of the two bodies"
-    )
-    reason: str = Field(
-        examples=["request"],
-        description="who allows it: request, scene, touch_links, support or attached; of the robot "
-        "itself srdf, adjacent, always, same body or suspected",
-    )
-    overlap: float | None = Field(
-        examples=[0.0004],
-        description="how deep they overlap at most [m], a bound for every t of a motion; null "
-        "where it is not measured: of links that a joint joins, or that touch as they are built",
-    )
+    pair: NamePair = Field(examples=[["panda_hand", "table_top"]])
+    """names of the two bodies"""
+    reason: str = Field(examples=["request"])
+    """who allows it: request, scene, touch_links, support or attached; of the robot itself srdf,
+    adjacent, always, same body or suspected
+    """
+    overlap: float | None = Field(examples=[0.0004])
+    """how deep they overlap at most [m], a bound for every t of a motion; null where it is not
+    measured: of links that a joint joins, or that touch as they are built
+    """
 
 
 AllowedAnswers = Annotated[
@@ -75,34 +72,27 @@ class Attached(BodyWithRules):
     one_of: ClassVar[tuple[str, ...]] = ("pose", "grasp_joints")
     only_beside: ClassVar[Beside] = {"center_of_mass": ("mass",), "inertia": ("mass",)}
 
-    id: Label = Field(
-        examples=["workpiece"],
-        description="name of the object; that of an obstacle takes it out of the scene",
-    )
-    shape: Shape | None = Field(
-        None, description="may be left out where the scene has an obstacle of this id"
-    )
-    pose: Pose | None = Field(None, description="in the frame of the link")
-    grasp_joints: JointVector | None = Field(
-        None,
-        description="in place of pose: the configuration in which the link closed on the object "
-        "where it stands in the scene",
-    )
-    link: Label = Field(examples=["panda_hand"], description="link that holds the object")
-    touch_links: Annotated[list[Label], Field(max_length=100)] = Field(
-        default_factory=list,
-        description="what it may touch: links, obstacles, other attached objects",
-    )
+    id: Label = Field(examples=["workpiece"])
+    """name of the object; that of an obstacle takes it out of the scene"""
+    shape: Shape | None = None
+    """may be left out where the scene has an obstacle of this id"""
+    pose: Pose | None = None
+    """in the frame of the link"""
+    grasp_joints: JointVector | None = None
+    """in place of pose: the configuration in which the link closed on the object where it stands in
+    the scene
+    """
+    link: Label = Field(examples=["panda_hand"])
+    """link that holds the object"""
+    touch_links: Annotated[list[Label], Field(max_length=100)] = Field(default_factory=list)
+    """what it may touch: links, obstacles, other attached objects"""
     touch_depth: TouchDepth = TOUCH_DEPTH
-    mass: Positive | None = Field(
-        None, description="for torques; without one the object weighs nothing [kg]"
-    )
-    center_of_mass: Point | None = Field(
-        None, description="in the object's frame, its origin if left out [m]"
-    )
-    inertia: Matrix3 | None = Field(
-        None, description="about it, in the object's axes; a point if left out [kg m^2]"
-    )
+    mass: Positive | None = None
+    """for torques; without one the object weighs nothing [kg]"""
+    center_of_mass: Point | None = None
+    """in the object's frame, its origin if left out [m]"""
+    inertia: Matrix3 | None = None
+    """about it, in the object's axes; a point if left out [kg m^2]"""
 
 
 FingerPositions = Annotated[dict[Label, Number], Field(max_length=MAX_FINGERS)]
@@ -111,11 +101,9 @@ FingerPositions = Annotated[dict[Label, Number], Field(max_length=MAX_FINGERS)]
 class WithFingers(Body):
     """A request that may say where the gripper's fingers stand."""
 
-    fingers: FingerPositions | None = Field(
-        None,
-        description="where joints of the gripper stand meanwhile [rad or m]; the others where the "
-        "robot holds them",
-    )
+    fingers: FingerPositions | None = None
+    """where joints of the gripper stand meanwhile [rad or m]; the others where the robot holds them
+    """
 
 
 AttachedObjects = Annotated[
@@ -144,14 +132,13 @@ Margin = Annotated[
 class CheckRequest(WithTool, WithFingers, Keepable):
     """Configurations to be checked against limits, themselves and a scene."""
 
-    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
+    robot: Name = Field(examples=["panda"])
+    """name of a stored or built-in robot"""
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
-    depth: bool = Field(
-        True,
-        description="false leaves depths and clearance out, and with them nearly all of the time",
-    )
+    depth: bool = True
+    """false leaves depths and clearance out, and with them nearly all of the time"""
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
@@ -161,40 +148,39 @@ class CheckRequest(WithTool, WithFingers, Keepable):
 class Collision(Answer):
     """Two bodies that penetrate each other."""
 
-    pair: NamePair = Field(
-        examples=[["panda_hand", "table_top"]], description="names of the two bodies"
-    )
-    depth: float | None = Field(
-        examples=[0.012], description="[m]; null where depths were not asked for"
-    )
+    pair: NamePair = Field(examples=[["panda_hand", "table_top"]])
+    """names of the two bodies"""
+    depth: float | None = Field(examples=[0.012])
+    """[m]; null where depths were not asked for"""
 
 
 class LimitViolation(Answer):
     """A joint outside its limits."""
 
-    joint: str = Field(examples=["panda_joint4"], description="name of the joint")
-    value: float = Field(examples=[0.1], description="[rad] or [m]")
-    limit: float = Field(examples=[-0.0698], description="[rad] or [m]")
+    joint: str = Field(examples=["panda_joint4"])
+    """name of the joint"""
+    value: float = Field(examples=[0.1])
+    """[rad] or [m]"""
+    limit: float = Field(examples=[-0.0698])
+    """[rad] or [m]"""
 
 
 class CheckAnswer(InFrame):
     """The verdict; with many configurations each field is a list."""
 
-    valid: bool | list[bool] = Field(
-        description="within limits, nothing touches, and every margin is kept"
-    )
-    clearance: float | list[float | None] | None = Field(
-        description="smallest distance [m], margins not taken off; negative by the depth in "
-        "collision, null with nothing to hit"
-    )
+    valid: bool | list[bool]
+    """within limits, nothing touches, and every margin is kept"""
+    clearance: float | list[float | None] | None
+    """smallest distance [m], margins not taken off; negative by the depth in collision, null with
+    nothing to hit
+    """
     clearance_pair: NamePair | list[NamePair | None] | None = Field(
-        examples=[["panda_hand", "table_top"]], description="between whom that is"
+        examples=[["panda_hand", "table_top"]]
     )
-    collisions: list[Collision] | list[list[Collision]] = Field(
-        description="pairs of bodies that touch"
-    )
-    limit_violations: list[LimitViolation] | list[list[LimitViolation]] = Field(
-        description="joints outside their limits"
-    )
+    """between whom that is"""
+    collisions: list[Collision] | list[list[Collision]]
+    """pairs of bodies that touch"""
+    limit_violations: list[LimitViolation] | list[list[LimitViolation]]
+    """joints outside their limits"""
     allowed_collisions: AllowedAnswers = Field(default_factory=list)
     plan_id: PlanId = None

@@ -47,52 +47,56 @@ class Box(Body):
     """A box centred in its frame, with its full edge lengths along x, y, z."""
 
     type: Literal["box"] = "box"
-    size: Edges = Field(examples=[[0.2, 0.3, 0.5]], description="edge lengths along x, y, z [m]")
+    size: Edges = Field(examples=[[0.2, 0.3, 0.5]])
+    """edge lengths along x, y, z [m]"""
 
 
 class Sphere(Body):
     """A sphere centred in its frame."""
 
     type: Literal["sphere"] = "sphere"
-    radius: Length = Field(examples=[0.1], description="[m]")
+    radius: Length = Field(examples=[0.1])
+    """[m]"""
 
 
 class Cylinder(Body):
     """A cylinder centred in its frame, along z."""
 
     type: Literal["cylinder"] = "cylinder"
-    radius: Length = Field(examples=[0.05], description="about z [m]")
-    height: Length = Field(examples=[0.4], description="along z [m]")
+    radius: Length = Field(examples=[0.05])
+    """about z [m]"""
+    height: Length = Field(examples=[0.4])
+    """along z [m]"""
 
 
 class Capsule(Body):
     """A cylinder of the given height along z with a half sphere at each end, centred."""
 
     type: Literal["capsule"] = "capsule"
-    radius: Length = Field(examples=[0.05], description="of the cylinder and of its ends [m]")
-    height: Length = Field(examples=[0.4], description="of the cylinder without its ends [m]")
+    radius: Length = Field(examples=[0.05])
+    """of the cylinder and of its ends [m]"""
+    height: Length = Field(examples=[0.4])
+    """of the cylinder without its ends [m]"""
 
 
 class Cone(Body):
     """A cone along z, centred at half its height, its tip at +z."""
 
     type: Literal["cone"] = "cone"
-    radius: Length = Field(examples=[0.05], description="of the base [m]")
-    height: Length = Field(examples=[0.4], description="from the base to the tip [m]")
+    radius: Length = Field(examples=[0.05])
+    """of the base [m]"""
+    height: Length = Field(examples=[0.4])
+    """from the base to the tip [m]"""
 
 
 class Halfspace(Body):
     """All points p with normal · p ≤ offset; both are divided by the length of the normal."""
 
     type: Literal["halfspace"] = "halfspace"
-    normal: Vector3 = Field(
-        examples=[[0.0, 0.0, 1.0]],
-        description="outward direction of the plane, of any length but 0",
-    )
-    offset: Coordinate = Field(
-        examples=[0.0],
-        description="distance of the plane from the origin along the normal, times its length [m]",
-    )
+    normal: Vector3 = Field(examples=[[0.0, 0.0, 1.0]])
+    """outward direction of the plane, of any length but 0"""
+    offset: Coordinate = Field(examples=[0.0])
+    """distance of the plane from the origin along the normal, times its length [m]"""
 
     @field_validator("normal")
     @classmethod
@@ -107,9 +111,9 @@ class Convex(Body):
 
     type: Literal["convex"] = "convex"
     vertices: Annotated[_Vertices, Field(min_length=4)] = Field(
-        examples=[[[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]],
-        description="points whose convex hull is meant [m]",
+        examples=[[[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]]
     )
+    """points whose convex hull is meant [m]"""
 
 
 class Mesh(Body):
@@ -118,13 +122,12 @@ class Mesh(Body):
     model_config = ConfigDict(json_schema_extra=any_given(("vertices", "faces"), ("stl_base64",)))
 
     type: Literal["mesh"] = "mesh"
-    vertices: Annotated[_Vertices, Field(min_length=3)] | None = Field(
-        None, description="corners of the triangles [m]"
-    )
-    faces: Annotated[list[_Face], Field(min_length=1, max_length=MAX_FACES)] | None = Field(
-        None, description="three vertex numbers each, counted from 0"
-    )
-    stl_base64: str | None = Field(None, min_length=1, description="ASCII or binary STL")
+    vertices: Annotated[_Vertices, Field(min_length=3)] | None = None
+    """corners of the triangles [m]"""
+    faces: Annotated[list[_Face], Field(min_length=1, max_length=MAX_FACES)] | None = None
+    """three vertex numbers each, counted from 0"""
+    stl_base64: str | None = Field(None, min_length=1)
+    """ASCII or binary STL"""
 
     @field_validator("stl_base64")
     @classmethod
@@ -160,10 +163,10 @@ class Mesh(Body):
 class LeftOut(Body):
     """An object whose own points are left out of a cloud."""
 
-    object: Label = Field(description="name of an obstacle of the same scene", examples=["crate"])
-    margin: NonNegative = Field(
-        0.0, description="points nearer to it than this are left out, and those inside of it [m]"
-    )
+    object: Label = Field(examples=["crate"])
+    """name of an obstacle of the same scene"""
+    margin: NonNegative = 0.0
+    """points nearer to it than this are left out, and those inside of it [m]"""
 
 
 class PointCloud(Body):
@@ -174,12 +177,13 @@ class PointCloud(Body):
 
     type: Literal["point_cloud"] = "point_cloud"
     points: Annotated[list[Point], Field(min_length=1, max_length=MAX_POINTS)] = Field(
-        examples=[[[0.5, 0.0, 0.2], [0.5, 0.01, 0.2]]], description="centres of the spheres [m]"
+        examples=[[[0.5, 0.0, 0.2], [0.5, 0.01, 0.2]]]
     )
-    radius: Length = Field(examples=[0.01], description="of each sphere [m]")
-    except_: Annotated[list[LeftOut], Field(max_length=1_000)] | None = Field(
-        None, alias="except", description="objects of the scene about which points are left out"
-    )
+    """centres of the spheres [m]"""
+    radius: Length = Field(examples=[0.01])
+    """of each sphere [m]"""
+    except_: Annotated[list[LeftOut], Field(max_length=1_000)] | None = Field(None, alias="except")
+    """objects of the scene about which points are left out"""
 
 
 Shape = Annotated[
@@ -210,10 +214,10 @@ Pair = Annotated[Sequence[Label], AS_LIST, Field(min_length=2, max_length=2)]
 class LimitedPair(Body):
     """A pair that may touch, and how deep."""
 
-    pair: Pair = Field(examples=[["gripper", "part"]], description="names of the two bodies")
-    touch_depth: NonNegative | None = Field(
-        None, description="how deep they may overlap [m]; null for any depth"
-    )
+    pair: Pair = Field(examples=[["gripper", "part"]])
+    """names of the two bodies"""
+    touch_depth: NonNegative | None = None
+    """how deep they may overlap [m]; null for any depth"""
 
 
 def _form_of_pair(value: object) -> str:
@@ -229,14 +233,13 @@ AllowedItem = Annotated[
 class Obstacle(Body):
     """A shape at a pose, to be kept away from by its margin [m]."""
 
-    id: Label = Field(
-        examples=["table_top"], description="name of the obstacle, unique in its scene"
-    )
-    shape: Shape = Field(description="in the obstacle's own frame")
+    id: Label = Field(examples=["table_top"])
+    """name of the obstacle, unique in its scene"""
+    shape: Shape
+    """in the obstacle's own frame"""
     pose: PoseInFrame
-    margin: Annotated[NonNegative, Field(le=10.0)] | None = Field(
-        None, description="distance to be kept from it [m]; 0 if left out"
-    )
+    margin: Annotated[NonNegative, Field(le=10.0)] | None = None
+    """distance to be kept from it [m]; 0 if left out"""
 
 
 class Scene(BodyWithRules):
@@ -246,17 +249,15 @@ class Scene(BodyWithRules):
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("Scene")})
 
-    name: Name | None = Field(None, description="under which it is stored, where it is")
+    name: Name | None = None
+    """under which it is stored, where it is"""
     frame: Frame | None = None
-    obstacles: Annotated[list[Obstacle], Field(max_length=MAX_OBSTACLES)] | None = Field(
-        None, description="shapes to keep away from"
-    )
-    moveit: Annotated[str, Field(min_length=1, max_length=_MAX_YAML)] | None = Field(
-        None, description="planning scene of MoveIt: its YAML, or the text of its .scene file"
-    )
-    allowed_collisions: Annotated[list[AllowedItem], Field(max_length=_MAX_PAIRS)] | None = Field(
-        None, description="pairs of links or obstacles that may touch"
-    )
+    obstacles: Annotated[list[Obstacle], Field(max_length=MAX_OBSTACLES)] | None = None
+    """shapes to keep away from"""
+    moveit: Annotated[str, Field(min_length=1, max_length=_MAX_YAML)] | None = None
+    """planning scene of MoveIt: its YAML, or the text of its .scene file"""
+    allowed_collisions: Annotated[list[AllowedItem], Field(max_length=_MAX_PAIRS)] | None = None
+    """pairs of links or obstacles that may touch"""
 
     @classmethod
     def from_moveit(cls, path: Path | str, *, name: str | None = None) -> Self:
@@ -277,7 +278,8 @@ class Scene(BodyWithRules):
 class NamedScene(Scene):
     """A scene to be stored."""
 
-    name: Name = Field(examples=["table"], description="under which it is stored")
+    name: Name = Field(examples=["table"])
+    """under which it is stored"""
 
 
 def _by_name(value: object) -> str:
@@ -295,22 +297,25 @@ SceneReference = Annotated[
 class SceneSummary(Answer):
     """Summary of a stored scene, without its obstacles."""
 
-    name: str = Field(examples=["table"], description="of the scene")
-    hash: str = Field(description="SHA-256 of the stored document")
-    version: int = Field(examples=[1], description="counts the replacements")
-    created: str = Field(
-        examples=["2026-11-21T09:30:00+00:00"], description="when it was stored first"
-    )
-    updated: str = Field(
-        examples=["2026-11-21T09:30:00+00:00"], description="when it was stored last"
-    )
+    name: str = Field(examples=["table"])
+    """of the scene"""
+    hash: str
+    """SHA-256 of the stored document"""
+    version: int = Field(examples=[1])
+    """counts the replacements"""
+    created: str = Field(examples=["2026-11-21T09:30:00+00:00"])
+    """when it was stored first"""
+    updated: str = Field(examples=["2026-11-21T09:30:00+00:00"])
+    """when it was stored last"""
 
 
 class SceneList(Answer):
     """Stored scenes by name; `next` continues the list, if there are more."""
 
-    scenes: list[SceneSummary] = Field(description="by name")
-    next: str | None = Field(None, description="value of `after` for the next page")
+    scenes: list[SceneSummary]
+    """by name"""
+    next: str | None = None
+    """value of `after` for the next page"""
 
 
 #: What projects points onto obstacles.
@@ -321,30 +326,30 @@ class ProjectRequest(Body):
     """Points to be projected onto every obstacle of a scene."""
 
     points: Annotated[list[Point], Field(min_length=1, max_length=MAX_POINTS)] = Field(
-        examples=[[[0.5, 0.0, 0.4]]], description="to be projected [m]"
+        examples=[[[0.5, 0.0, 0.4]]]
     )
-    engine: Engine = Field(
-        "exact",
-        description="what finds the nearest points: closed forms, or FCL's distance query (inside "
-        "of obstacles the closed forms answer for both)",
-        examples=["fcl"],
-    )
+    """to be projected [m]"""
+    engine: Engine = Field("exact", examples=["fcl"])
+    """what finds the nearest points: closed forms, or FCL's distance query (inside of obstacles the
+    closed forms answer for both)
+    """
 
 
 class Projection(Answer):
     """The orthogonal projection of a point onto one obstacle."""
 
-    obstacle: str = Field(examples=["table_top"], description="its name")
-    projection: list[float] = Field(
-        examples=[[0.5, 0.0, 0.22]], description="the nearest point of the obstacle's surface [m]"
-    )
-    distance: float = Field(examples=[0.18], description="[m], negative inside")
+    obstacle: str = Field(examples=["table_top"])
+    """its name"""
+    projection: list[float] = Field(examples=[[0.5, 0.0, 0.22]])
+    """the nearest point of the obstacle's surface [m]"""
+    distance: float = Field(examples=[0.18])
+    """[m], negative inside"""
 
 
 class ProjectAnswer(Answer):
     """For each point its projection onto every obstacle."""
 
-    projections: list[list[Projection]] = Field(description="for each point one for each obstacle")
-    frame: str | None = Field(
-        None, description="of the scene, which points and projections are in; the root if null"
-    )
+    projections: list[list[Projection]]
+    """for each point one for each obstacle"""
+    frame: str | None = None
+    """of the scene, which points and projections are in; the root if null"""
