@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from platformdirs import user_data_path
 from pydantic import BaseModel, ValidationError
@@ -256,6 +256,7 @@ def _frozen(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
+A = TypeVar("A", Plan, TaskPlan, Tour)
 #: Two bodies in a sentence: 'hand' and 'table' overlap.
 _PAIR = re.compile(r"'([^']+)' and '([^']+)'")
 
@@ -329,21 +330,27 @@ def _verdict(reason: str | None) -> Verdict:
 
 
 @dataclass(frozen=True, slots=True)
-class Planned:
-    """A certified motion.
+class _Kept(Generic[A]):
+    """Certified motions.
 
     Args:
-        state: State that it was planned for.
+        state: State that they were planned for.
         plan: The answer of the service.
     """
 
     state: StudioState
-    plan: Plan
+    plan: A
 
     @property
     def plan_id(self) -> str | None:
-        """Id of the kept plan."""
+        """Id of the kept plan, task or tour."""
         return self.plan.plan_id
+
+
+class Planned(_Kept[Plan]):
+    """A certified motion."""
+
+    __slots__ = ()
 
     @property
     def title(self) -> str:
@@ -357,22 +364,10 @@ class Planned:
         return [*certificate, *(f"Note: {note}" for note in self.plan.notes)]
 
 
-@dataclass(frozen=True, slots=True)
-class TaskPlanned:
-    """Certified motions of all stages of a task.
+class TaskPlanned(_Kept[TaskPlan]):
+    """Certified motions of all stages of a task."""
 
-    Args:
-        state: State that they were planned for.
-        plan: The answer of the service.
-    """
-
-    state: StudioState
-    plan: TaskPlan
-
-    @property
-    def plan_id(self) -> str | None:
-        """Id of the kept task."""
-        return self.plan.plan_id
+    __slots__ = ()
 
     @property
     def title(self) -> str:
@@ -394,22 +389,10 @@ class TaskPlanned:
         return f"{stage.index}: {name}{chosen}: {stage.trajectory.duration:.2f} s, {proof}{holds}"
 
 
-@dataclass(frozen=True, slots=True)
-class TourPlanned:
-    """Certified motions from goal to goal of a tour.
+class TourPlanned(_Kept[Tour]):
+    """Certified motions from goal to goal of a tour."""
 
-    Args:
-        state: State that they were planned for.
-        plan: The answer of the service.
-    """
-
-    state: StudioState
-    plan: Tour
-
-    @property
-    def plan_id(self) -> str | None:
-        """Id of the kept tour."""
-        return self.plan.plan_id
+    __slots__ = ()
 
     @property
     def title(self) -> str:

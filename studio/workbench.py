@@ -74,6 +74,8 @@ _FREE_RANGE = 3.141592653589793
 _RULES = DefaultLimits(acceleration="10 x velocity")
 #: Largest size of an archive that is unpacked here [byte].
 _MOST_UNPACKED = 512 * 2**20
+#: What is planned.
+Kind = Literal["motion", "task", "tour", "tool path"]
 
 
 class Workbench:
@@ -396,7 +398,7 @@ class Workbench:
 
     # --------------------------------------------------------------------------------- plans
 
-    def plan(self, kind: Literal["motion", "task", "tour", "tool path"] = "motion") -> Outcome:
+    def plan(self, kind: Kind = "motion") -> Outcome:
         """Plan from the start on; motions with their certificates, or a failure explained.
 
         Args:

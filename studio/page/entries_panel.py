@@ -16,8 +16,6 @@ _DEFAULT = "default"
 _NONE = "–"
 #: Longest text of an entry in the list [characters].
 _MAX_TEXT = 60
-Read = Callable[[], Entries]
-Write = Callable[[Entries, str | None], None]
 
 
 class EntriesPanel:
@@ -25,10 +23,8 @@ class EntriesPanel:
 
     Args:
         page: Page of the studio.
-        word: An entry in a word: "stage".
+        word: An entry in a word, without the s of the field of the state that holds all: "stage".
         forms: Fields by the kind of an entry.
-        read: Answers the present entries.
-        write: Changes them; its second argument is the key of the change.
         make: Makes an entry of a kind.
     """
 
@@ -37,12 +33,10 @@ class EntriesPanel:
         page: Page,
         word: str,
         forms: EntryForms,
-        read: Read,
-        write: Write,
         make: Callable[[str], dict[str, Any]],
     ) -> None:
-        self._page, self._word, self._forms = page, word, forms
-        self._read, self._write, self._make = read, write, make
+        self._page, self._word, self._forms, self._make = page, word, forms, make
+        self._write = partial(page.workbench.set_entries, f"{word}s")
         self._chosen: int | None = None
         self._kind: str | None = None
         self._fields: FieldsPanel | None = None
@@ -87,6 +81,10 @@ class EntriesPanel:
             self._make_fields(kind)
         if self._fields is not None:
             self._fields.refresh()
+
+    def _read(self) -> Entries:
+        entries: Entries = getattr(self._page.workbench.state, f"{self._word}s")
+        return entries
 
     def _make_fields(self, kind: str | None) -> None:
         if self._folder is not None:

@@ -6,9 +6,9 @@ Fields for numbers of the browser turn a half-typed "-0" into 0 and cut digits t
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import viser
@@ -219,18 +219,16 @@ class GoalPanel:
         """
         self._handle.position = np.array(tip.position)
         self._handle.wxyz = wxyz(tip)
-        self._pose.show(tip)
-        self._text.show(describe(branches))
-        labels = ["–", *(branch.label for branch in branches)]
-        if tuple(labels) != tuple(self._choice.options):
-            self._choice.options = labels
+        self.refresh_branches(tip, branches)
         put_value(self._choice, "–")
 
     def refresh_branches(self, tip: Pose, branches: tuple[Branch, ...]) -> None:
         """Show the branches, and leave the frame where it is being dragged."""
         self._pose.show(tip)
         self._text.show(describe(branches))
-        self._choice.options = ["–", *(branch.label for branch in branches)]
+        labels = ("–", *(branch.label for branch in branches))
+        if labels != tuple(self._choice.options):
+            self._choice.options = labels
 
     def _take_typed(self, pose: Pose) -> None:
         self._move(pose, ended=True)
@@ -352,109 +350,118 @@ class RobotPanel:
         self._page.rebuild()
 
 
-class JointSliders:
+class Sliders:
+    """Sliders of joints in a folder.
+
+    Args:
+        page: Page of the studio.
+        title: Title of the folder.
+        ranges: Range of each joint by its name [rad or m].
+        read: Answers the present positions by joint [rad or m].
+        move: Called with a joint that a person moved, and its new position.
+        states: Named configurations.
+        take: Called with the name of one that was chosen.
+    """
+
+    def __init__(
+        self,
+        page: Page,
+        title: str,
+        ranges: Mapping[str, tuple[float, float]],
+        read: Callable[[], Mapping[str, float]],
+        move: Callable[[str, float], None],
+        states: Collection[str] = (),
+        take: Callable[[str], None] | None = None,
+    ) -> None:
+        self._read = read
+        gui = page.server.gui
+        self._folder = gui.add_folder(title, visible=bool(ranges))
+        self._sliders: dict[str, viser.GuiSliderHandle[float]] = {}
+        with self._folder:
+            if take is not None and states:
+                on_user_update(gui.add_dropdown("Named state", ["–", *states]), take)
+            for name, (low, high) in ranges.items():
+                slider = gui.add_slider(name, low, high, (high - low) / _STEPS or 1.0, low)
+                on_user_update(slider, partial(move, name))
+                self._sliders[name] = slider
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the present positions."""
+        values = self._read()
+        for name, slider in self._sliders.items():
+            put_value(slider, min(max(values[name], slider.min), slider.max))
+
+    def remove(self) -> None:
+        """Take the sliders from the page."""
+        self._folder.remove()
+
+
+def joint_sliders(page: Page, which: str) -> Sliders:
     """Sliders of a configuration.
 
     Args:
         page: Page of the studio.
         which: "start" or "goal".
     """
+    workbench, states = page.workbench, page.workbench.model.states
+    names = workbench.model.joint_names
 
-    def __init__(self, page: Page, which: str) -> None:
-        self._page = page
-        self._which = which
-        gui, workbench = page.server.gui, page.workbench
-        self._folder = gui.add_folder(f"{which.capitalize()} joints [rad or m]")
-        self._sliders: list[viser.GuiSliderHandle[float]] = []
-        with self._folder:
-            if workbench.model.states:
-                named = gui.add_dropdown("Named state", ["–", *workbench.model.states])
-                on_user_update(named, self._take_state)
-            pairs = zip(workbench.model.joint_names, workbench.joint_ranges(), strict=True)
-            for number, (name, (low, high)) in enumerate(pairs):
-                value = min(max(self._joints()[number], low), high)
-                slider = gui.add_slider(name, low, high, (high - low) / _STEPS, value)
-                on_user_update(slider, partial(self._move, number))
-                self._sliders.append(slider)
+    def read() -> dict[str, float]:
+        state = workbench.state
+        joints = state.start if which == "start" else state.goal_joints
+        return dict(zip(names, joints, strict=True))
 
-    def refresh(self) -> None:
-        """Show the present configuration."""
-        for slider, value in zip(self._sliders, self._joints(), strict=True):
-            put_value(slider, min(max(value, slider.min), slider.max))
-
-    def remove(self) -> None:
-        """Take the sliders from the page."""
-        self._folder.remove()
-
-    def _joints(self) -> tuple[float, ...]:
-        state = self._page.workbench.state
-        return state.start if self._which == "start" else state.goal_joints
-
-    def _take_state(self, name: str) -> None:
-        states = self._page.workbench.model.states
-        if name in states:
-            self._set_joints(states[name], None)
-
-    def _move(self, number: int, value: Any) -> None:
-        joints = list(self._joints())
-        joints[number] = float(value)
-        self._set_joints(joints, f"{self._which} {number}")
-
-    def _set_joints(self, joints: list[float], key: str | None) -> None:
-        page = self._page
-
+    def set_joints(joints: list[float], key: str | None) -> None:
         def command() -> None:
-            if self._which == "start":
-                page.workbench.set_start(joints, key)
+            if which == "start":
+                workbench.set_start(joints, key)
                 page.show_start()
             else:
-                page.workbench.set_goal_joints(joints, key)
-                page.workbench.solve_goal()
+                workbench.set_goal_joints(joints, key)
+                workbench.solve_goal()
 
-        page.run(f"joints {self._which}", command)
+        page.run(f"joints {which}", command)
+
+    def move(name: str, value: float) -> None:
+        set_joints([*(read() | {name: float(value)}).values()], f"{which} {name}")
+
+    def take(name: str) -> None:
+        if name in states:
+            set_joints(states[name], None)
+
+    title = f"{which.capitalize()} joints [rad or m]"
+    ranges = dict(zip(names, workbench.joint_ranges(), strict=True))
+    return Sliders(page, title, ranges, read, move, states, take)
 
 
-class FingerSliders:
+def finger_sliders(page: Page) -> Sliders:
     """Sliders of the gripper's joints, which stand still during a plan.
 
     Args:
         page: Page of the studio.
     """
+    workbench, joints = page.workbench, page.workbench.model.fingers
+    low, high = _UNBOUNDED
+    ranges = {
+        name: (low if joint.lower is None else joint.lower,
+               high if joint.upper is None else joint.upper)
+        for name, joint in joints.items()
+    }  # fmt: skip
 
-    def __init__(self, page: Page) -> None:
-        self._page = page
-        gui = page.server.gui
-        self._sliders: dict[str, viser.GuiSliderHandle[float]] = {}
-        joints = page.workbench.model.fingers
-        self._folder = gui.add_folder("Gripper [rad or m]", visible=bool(joints))
-        with self._folder:
-            for name, joint in joints.items():
-                low = _UNBOUNDED[0] if joint.lower is None else joint.lower
-                high = _UNBOUNDED[1] if joint.upper is None else joint.upper
-                value = min(max(joint.position, low), high)
-                slider = gui.add_slider(name, low, high, (high - low) / _STEPS or 1.0, value)
-                on_user_update(slider, partial(self._move, name))
-                self._sliders[name] = slider
+    def read() -> dict[str, float]:
+        return {name: joint.position for name, joint in joints.items()} | dict(
+            workbench.state.fingers
+        )
 
-    def refresh(self) -> None:
-        """Show where the fingers stand."""
-        state, joints = self._page.workbench.state, self._page.workbench.model.fingers
-        for name, slider in self._sliders.items():
-            value = state.fingers.get(name, joints[name].position)
-            put_value(slider, min(max(value, slider.min), slider.max))
-
-    def remove(self) -> None:
-        """Take the sliders from the page."""
-        self._folder.remove()
-
-    def _move(self, name: str, value: Any) -> None:
-        page = self._page
-
+    def move(name: str, value: float) -> None:
         def command() -> None:
-            page.workbench.set_finger(name, float(value))
+            workbench.set_finger(name, float(value))
             page.show_start()
 
         page.run(f"finger {name}", command)
+
+    return Sliders(page, "Gripper [rad or m]", ranges, read, move)
 
 
 def facts(model: Robot) -> str:

@@ -20,7 +20,14 @@ from studio.code import all_code
 from studio.motion_frames import MotionFrames, motion_frames, task_frames, tour_frames
 from studio.page.drawing import GhostDrawing, PairDrawing, RobotDrawing, surfaces
 from studio.page.panel import CommandQueue, Text
-from studio.page.robot_panel import FingerSliders, GoalPanel, JointSliders, RobotPanel, Units
+from studio.page.robot_panel import (
+    GoalPanel,
+    RobotPanel,
+    Sliders,
+    Units,
+    finger_sliders,
+    joint_sliders,
+)
 from studio.page.scene_panel import ScenePanel
 from studio.page.task_panels import PathsPanel, PlanPanel, TaskPanel
 from studio.state import (
@@ -127,7 +134,7 @@ class StudioPage:
         self._pinned_robot: RobotDrawing
         self._pinned_frames: MotionFrames | None = None
         self._ghosts: GhostDrawing
-        self._sliders: list[JointSliders | FingerSliders] = []
+        self._sliders: list[Sliders] = []
         self._pair = PairDrawing(server.scene)
         self._set_up_scene()
         gui = server.gui
@@ -176,11 +183,11 @@ class StudioPage:
         for sliders in self._sliders:
             sliders.remove()
         with self._start_sliders:
-            start = JointSliders(self, "start")
+            start = joint_sliders(self, "start")
         with self._goal_sliders:
-            goal = JointSliders(self, "goal")
+            goal = joint_sliders(self, "goal")
         with self._finger_sliders:
-            self._sliders = [start, goal, FingerSliders(self)]
+            self._sliders = [start, goal, finger_sliders(self)]
         self.workbench.solve_goal()
         self._play.load(None)
         self.show_start()

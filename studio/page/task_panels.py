@@ -1,20 +1,62 @@
 """Panels that plan motions, tasks, tours and tool paths, by settings of the schema of the API."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 from armwright_client import Obstacle
 from studio.motion_frames import MotionFrames
 from studio.page.entries_panel import EntriesPanel, FieldsPanel
 from studio.page.panel import Page, Text, put_value
 from studio.page.play_panel import PlayPanel
+from studio.settings_form import FormField
 from studio.stages import aimed, goal_entry, new_stage, pick_stages, place_stages, pose_entry
-from studio.state import Entries, Failure, Outcome, Planned, TaskPlanned, TourPlanned, compare
+from studio.state import Failure, Outcome, Planned, TaskPlanned, TourPlanned, compare
+from studio.workbench import Kind
 
 
-class PlanPanel:
+class _Panel:
+    """Buttons that plan, and what came of the last of them in words.
+
+    Args:
+        page: Page of the studio.
+    """
+
+    #: Outcomes that are shown whichever panel asked for them, and the text where there is none.
+    _shows: type = object
+    _idle = ""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._outcome: Outcome | None = None
+        self._text: Text
+
+    def _add_button(self, label: str, kind: Kind) -> None:
+        button = self._page.server.gui.add_button(label, color="blue")
+        button.on_click(lambda _: self._page.queue.put("plan", partial(self._plan, kind, button)))
+
+    def _plan(self, kind: Kind, button: Any) -> None:
+        """Plan while the button waits, and show the outcome on the page."""
+        self._text.show("Planning …")
+        button.disabled = True
+        try:
+            self._outcome = self._page.workbench.plan(kind)
+        finally:
+            button.disabled = False
+        self._page.refresh()
+        self._page.show_outcome()
+
+    def _show_outcome(self) -> None:
+        workbench = self._page.workbench
+        outcome, view = workbench.outcome, workbench.view_url()
+        if isinstance(outcome, self._shows) or (outcome and outcome is self._outcome):
+            link = None if view is None else ("Page of this plan", view)
+            self._text.show(describe(outcome), link)
+        else:
+            self._text.show(self._idle)
+
+
+class PlanPanel(_Panel):
     """Settings, the button that plans, and the result in words.
 
     Args:
@@ -23,15 +65,13 @@ class PlanPanel:
     """
 
     def __init__(self, page: Page, show: Callable[[MotionFrames, int], None]) -> None:
-        self._page = page
-        gui = page.server.gui
-        self.button = gui.add_button("Plan", color="blue")
-        self.button.on_click(lambda _: page.queue.put("plan", self._plan))
+        super().__init__(page)
+        gui, workbench = page.server.gui, page.workbench
+        self._add_button("Plan", "motion")
         history = gui.add_button_group("Changes", ["undo", "redo"])
         history.on_click(lambda event: page.run("history", partial(self._step, event.target.value)))
         self.play = PlayPanel(page, show)
         self._text = Text(gui)
-        workbench = page.workbench
         with gui.add_folder("Settings", expand_by_default=False):
             self._settings = FieldsPanel(
                 page,
@@ -41,14 +81,8 @@ class PlanPanel:
                 workbench.set_setting,
             )
         with gui.add_folder("Constraints", expand_by_default=False):
-            self._constraints = EntriesPanel(
-                page,
-                "constraint",
-                workbench.constraint_forms,
-                lambda: workbench.state.constraints,
-                partial(workbench.set_entries, "constraints"),
-                lambda kind: {workbench.constraint_forms.tag: kind},
-            )
+            forms = workbench.constraint_forms
+            self._constraints = EntriesPanel(page, "constraint", forms, lambda k: {forms.tag: k})
         pin = gui.add_button("Pin to compare", hint="The next plan is drawn and listed beside it.")
         pin.on_click(lambda _: page.run("pin", page.workbench.pin))
         self._comparison = Text(gui)
@@ -58,14 +92,10 @@ class PlanPanel:
         workbench = self._page.workbench
         self._settings.refresh()
         self._constraints.refresh()
-        self._text.show(describe(workbench.outcome), page_link(workbench.view_url()))
+        self._show_outcome()
         pinned, outcome = workbench.pinned, workbench.outcome
         both = pinned is not None and isinstance(outcome, Planned) and outcome is not pinned
         self._comparison.show(compare(pinned, outcome) if both else "")  # type: ignore[arg-type]
-
-    def _plan(self) -> None:
-        with planning(self._page, self._text, self.button):
-            self._page.workbench.plan()
 
     def _step(self, word: str) -> None:
         workbench = self._page.workbench
@@ -75,30 +105,6 @@ class PlanPanel:
             workbench.redo()
         workbench.solve_goal()
         self._page.show_start()
-
-
-@contextmanager
-def planning(page: Page, text: Text, button: Any) -> Iterator[None]:
-    """Context of a plan: its button waits, and its outcome is shown on the page.
-
-    Args:
-        page: Page of the studio.
-        text: Place that says that it is planned.
-        button: Button that was pressed.
-    """
-    text.show("Planning …")
-    button.disabled = True
-    try:
-        yield
-    finally:
-        button.disabled = False
-    page.refresh()
-    page.show_outcome()
-
-
-def page_link(view: str | None) -> tuple[str, str] | None:
-    """The link to the page of a plan, where it has one."""
-    return None if view is None else ("Page of this plan", view)
 
 
 def describe(outcome: Outcome | None) -> str:
@@ -125,32 +131,29 @@ def describe(outcome: Outcome | None) -> str:
 _NONE = "–"
 
 
-class TaskPanel:
+class TaskPanel(_Panel):
     """The editor of stages, and the button that plans them.
 
     Args:
         page: Page of the studio.
     """
 
+    _shows = TaskPlanned
+    _idle = "Add stages, then plan them."
+
     def __init__(self, page: Page) -> None:
-        self._page = page
-        self._outcome: Outcome | None = None
+        super().__init__(page)
         gui, workbench = page.server.gui, page.workbench
-        self.button = gui.add_button("Plan the task", color="blue")
-        self.button.on_click(lambda _: page.queue.put("plan", self._plan))
+        self._add_button("Plan the task", "task")
         self._text = Text(gui)
         with gui.add_folder("Pick and place"):
             self._object = gui.add_dropdown("Object", [_NONE])
             ready = gui.add_button_group("Add stages", ["pick", "place at goal", "both"])
             ready.on_click(lambda event: self._run(partial(self._add_ready, event.target.value)))
         with gui.add_folder("Stages"):
+            forms = workbench.stage_forms
             self._stages = EntriesPanel(
-                page,
-                "stage",
-                workbench.stage_forms,
-                lambda: workbench.state.stages,
-                partial(workbench.set_entries, "stages"),
-                lambda kind: new_stage(kind, workbench.state),
+                page, "stage", forms, lambda k: new_stage(k, workbench.state)
             )
             aim = gui.add_button(
                 "Take the goal's frame",
@@ -160,22 +163,13 @@ class TaskPanel:
 
     def refresh(self) -> None:
         """Show stages and result."""
-        workbench = self._page.workbench
-        names = [item.id for item in workbench.state.obstacles] or [_NONE]
+        obstacles = self._page.workbench.state.obstacles
+        names = [item.id for item in obstacles] or [_NONE]
         if names != [*self._object.options]:
             self._object.options = names
             put_value(self._object, names[-1])
         self._stages.refresh()
-        outcome = workbench.outcome
-        ours = isinstance(outcome, TaskPlanned) or (outcome and outcome is self._outcome)
-        if ours:
-            self._text.show(describe(outcome), page_link(workbench.view_url()))
-        else:
-            self._text.show("Add stages, then plan them.")
-
-    def _plan(self) -> None:
-        with planning(self._page, self._text, self.button):
-            self._outcome = self._page.workbench.plan("task")
+        self._show_outcome()
 
     def _add_ready(self, word: str) -> None:
         workbench = self._page.workbench
@@ -206,73 +200,46 @@ class TaskPanel:
         self._page.run(f"task {id(action)}", action)
 
 
-class PathsPanel:
+class PathsPanel(_Panel):
     """The editors of goals and waypoints, and the buttons that plan them.
 
     Args:
         page: Page of the studio.
     """
 
+    _shows = TourPlanned
+    _idle = "Move the goal's frame, add it as a goal or a waypoint, and again."
+
     def __init__(self, page: Page) -> None:
-        self._page = page
-        self._outcome: Outcome | None = None
+        super().__init__(page)
         gui, workbench = page.server.gui, page.workbench
         self._text = Text(gui)
         with gui.add_folder("Tour"):
-            self._tour = gui.add_button("Plan the tour", color="blue")
-            self._tour.on_click(lambda _: page.queue.put("plan", partial(self._plan, "tour")))
+            self._add_button("Plan the tour", "tour")
             self._goals = EntriesPanel(
                 page,
                 "goal",
                 workbench.goal_forms,
-                lambda: workbench.state.goals,
-                self._writer("goals"),
                 lambda _: goal_entry(workbench.state, workbench.goal_tip()),
             )
-            with gui.add_folder("Options of the tour", expand_by_default=False):
-                self._tour_options = FieldsPanel(
-                    page,
-                    "tour",
-                    workbench.tour_fields,
-                    lambda: workbench.state.tour_options,
-                    partial(workbench.set_option, "tour"),
-                )
+            self._tour_options = self._options("tour", "tour", workbench.tour_fields)
         with gui.add_folder("Tool path"):
-            self._path = gui.add_button("Plan the tool path", color="blue")
-            self._path.on_click(lambda _: page.queue.put("plan", partial(self._plan, "tool path")))
+            self._add_button("Plan the tool path", "tool path")
+            forms = workbench.waypoint_forms
             self._waypoints = EntriesPanel(
-                page,
-                "waypoint",
-                workbench.waypoint_forms,
-                lambda: workbench.state.waypoints,
-                self._writer("waypoints"),
-                lambda _: pose_entry(workbench.goal_tip()),
+                page, "waypoint", forms, lambda _: pose_entry(workbench.goal_tip())
             )
-            with gui.add_folder("Options of the tool path", expand_by_default=False):
-                self._path_options = FieldsPanel(
-                    page,
-                    "tool path",
-                    workbench.path_fields,
-                    lambda: workbench.state.path_options,
-                    partial(workbench.set_option, "path"),
-                )
+            self._path_options = self._options("tool path", "path", workbench.path_fields)
 
     def refresh(self) -> None:
         """Show goals, waypoints, options and the result."""
         for panel in (self._goals, self._tour_options, self._waypoints, self._path_options):
             panel.refresh()
-        workbench = self._page.workbench
-        outcome = workbench.outcome
-        ours = isinstance(outcome, TourPlanned) or (outcome and outcome is self._outcome)
-        if ours:
-            self._text.show(describe(outcome), page_link(workbench.view_url()))
-        else:
-            self._text.show("Move the goal's frame, add it as a goal or a waypoint, and again.")
+        self._show_outcome()
 
-    def _writer(self, name: str) -> Callable[[Entries, str | None], None]:
-        return partial(self._page.workbench.set_entries, name)
-
-    def _plan(self, which: Literal["tour", "tool path"]) -> None:
-        button = self._tour if which == "tour" else self._path
-        with planning(self._page, self._text, button):
-            self._outcome = self._page.workbench.plan(which)
+    def _options(self, word: str, which: str, fields: Sequence[FormField]) -> FieldsPanel:
+        """Options of a plan in a folder of their own."""
+        page, workbench = self._page, self._page.workbench
+        read = lambda: getattr(workbench.state, f"{which}_options")  # noqa: E731
+        with page.server.gui.add_folder(f"Options of the {word}", expand_by_default=False):
+            return FieldsPanel(page, word, fields, read, partial(workbench.set_option, which))
