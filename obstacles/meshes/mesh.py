@@ -1,9 +1,9 @@
 """Triangle meshes: read from bytes, checked and scaled.
 
-The only place that knows trimesh. Wavefront OBJ is brought into the form that every reader takes.
-The format lets a face count back from where it stands: -1 is the vertex before it. Readers that
-take -1 for the last vertex of the file make another body of it and say nothing. Names, groups and
-materials are left out: a reader that makes a mesh of each takes the square of their number in time.
+Wavefront OBJ is brought into the form that every reader takes. The format lets a face count back
+from where it stands: -1 is the vertex before it. Readers that take -1 for the last vertex of the
+file make another body of it and say nothing. Names, groups and materials are left out: a reader
+that makes a mesh of each takes the square of their number in time.
 Source: "Object Files (.obj)", Advanced Visualizer manual, appendix B1.
 """
 
