@@ -474,14 +474,13 @@ class PathSearch:
             return shortcut(checker, waypoints, self.deadline, proof, cuts=cuts, proves=proved)
 
         # Corners are cut where that saves time when the path is made quicker, which comes next.
-        short = shortened(cuts=not self._may_keep_clear(found) or self.options.refine is not None)
+        short = shortened(cuts=not self._may_keep_clear(found))
         return short if len(short) <= MAX_WAYPOINTS else shortened(cuts=True)
 
     def _keep_clear(self, found: FoundPath) -> Array:
         reached, proves = found.levels.index(found.checker), found.attempt.proved
         path = keep_clear(found.levels, found.waypoints, self.deadline, reached)
-        # What is optimised afterwards is made quicker there.
-        quickens = not self.deadline.passed and self.options.refine is None
+        quickens = not self.deadline.passed
         if quickens:
             path = quicken(found.levels, path, self.limits, spacious=reached == 0, proves=proves)
         if found.ends is None:
