@@ -21,7 +21,7 @@ from tests.service.robots import (
     problem,
     scene,
 )
-from tests.service.schemas.bodies import FULL
+from tests.service.schemas.drawn import FULL
 from tests.service.test_simulate import MOTORS
 
 FORM, STATE, LINK = "VALIDATION_ERROR", "INVALID_ROBOT_STATE", "INVALID_LINK_NAME"

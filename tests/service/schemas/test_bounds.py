@@ -34,10 +34,8 @@ from tests.service.schemas.bodies import (
     CONSTRAINTS,
     DH_ROW,
     MOTIONS,
-    PLAN,
     POSE,
     SEGMENTS,
-    TIMING,
 )
 from tests.service.schemas.changes import Path, changed, refusals, written
 
@@ -74,6 +72,11 @@ def assert_refused_at(path: Path, problems: dict[str, str]) -> None:
 #: Model, a body of it, the field; the least and the largest value that it takes. A bound that is
 #: the smallest number above 0 says that 0 itself is refused.
 TINY = 5e-324
+PLAN = BRIEF | {
+    "refine": {"objective": {"time": 1.0}, "duration": 3.0, "degree": 5, "control_points": 16,
+               "rounds": 12},
+}  # fmt: skip
+TIMING = {"payload": {"mass": 1.5}}
 NUMBERS: list[tuple[type[BaseModel], dict[str, Any], Path, float, float]] = [
     (FkRequest, {"joints": [0.0]}, ("joints", 0), -MAX_NUMBER, MAX_NUMBER),
     (NamedScene, STORED, ("obstacles", 0, "pose", "position", 2), -MAX_COORDINATE, MAX_COORDINATE),
