@@ -45,6 +45,8 @@ class Semantics:
             is disabled as well is disabled.
         passive: Joints that the file calls passive.
         notes: Notes on parts of the file that are not obeyed, one sentence each.
+        groups: Members of each group: ("link", its name), ("joint", its name), ("group", its name)
+            or ("chain", base link, tip link).
     """
 
     name: str
@@ -57,6 +59,7 @@ class Semantics:
     enabled_collisions: frozenset[Pair] = frozenset()
     passive: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    groups: Mapping[str, tuple[tuple[str, ...], ...]] = field(default_factory=dict)
 
     @property
     def names_allowed_pairs(self) -> bool:
@@ -78,12 +81,46 @@ class Semantics:
         } - self.enabled_collisions
         return pairs | self.disabled_collisions
 
+    def group_links(self, description: RobotDescription) -> dict[str, tuple[str, ...]]:
+        """Links of each group, in the order of the robot's description.
+
+        As MoveIt reads them (``RobotModel::addJointModelGroup``): a joint stands for the link that
+        it carries, a chain for the links from its tip to its base, without the base.
+
+        Args:
+            description: The robot.
+        """
+        parents = {joint.child: joint.parent for joint in description.joints.values()}
+
+        def above(link: str) -> Iterator[str]:
+            while link in description.links:
+                yield link
+                link = parents.get(link, "")
+
+        def members(group: str, outer: frozenset[str]) -> Iterator[str]:
+            for kind, name, *tip in self.groups.get(group, ()) if group not in outer else ():
+                if kind == "link":
+                    yield name
+                elif kind == "joint" and name in description.joints:
+                    yield description.joints[name].child
+                elif kind == "group":
+                    yield from members(name, outer | {group})
+                elif kind == "chain" and description.links.keys() >= {name, *tip}:
+                    yield from {*above(name)} ^ {*above(*tip)}
+
+        named = {group: {*members(group, frozenset())} for group in self.groups}
+        return {
+            group: tuple(link for link in description.links if link in links)
+            for group, links in named.items()
+        }
+
     def root_aliases(self, root: str) -> tuple[str, ...]:
         """Frames that a virtual joint at its origin puts in the same place as the root link."""
         return tuple(frame for frame, link in self.virtual_frames if link == root != frame)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "chains", MappingProxyType(dict(self.chains)))
+        for name in ("chains", "groups"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         frozen = {
             group: MappingProxyType({name: MappingProxyType(dict(q)) for name, q in states.items()})
             for group, states in self.states.items()
@@ -94,7 +131,8 @@ class Semantics:
         states = {g: {s: dict(q) for s, q in named.items()} for g, named in self.states.items()}
         values = (self.name, self.disabled_collisions, dict(self.chains), states)
         pairs = (self.own_pairs, self.default_allowed, self.enabled_collisions)
-        return Semantics, (*values, self.virtual_frames, *pairs, self.passive, self.notes)
+        rest = (self.passive, self.notes, dict(self.groups))
+        return Semantics, (*values, self.virtual_frames, *pairs, *rest)
 
 
 def parse_srdf(text: str | bytes) -> Semantics:
@@ -111,6 +149,7 @@ def parse_srdf(text: str | bytes) -> Semantics:
     free = frozenset(attribute(e, "link", "the SRDF") for e in children(robot, _DEFAULT))
     own = tuple(sorted({a for a, b in disabled if a == b}))
     chains: dict[str, tuple[str, str]] = {}
+    groups: dict[str, tuple[tuple[str, ...], ...]] = {}
     for group in children(robot, "group"):
         name = attribute(group, "name", "the SRDF")
         where = f"group {name!r}"
@@ -123,6 +162,12 @@ def parse_srdf(text: str | bytes) -> Semantics:
         # A group of several chains (both arms) is no serial chain.
         if len(found) == 1:
             chains[name] = found[0]
+        named = [
+            (tag, e.get("name", "").strip())
+            for tag in ("link", "joint", "group")
+            for e in children(group, tag)
+        ]
+        groups[name] = (*groups.get(name, ()), *named, *(("chain", *ends) for ends in found))
     name = robot.get("name", "").strip()
     return Semantics(
         name,
@@ -135,6 +180,7 @@ def parse_srdf(text: str | bytes) -> Semantics:
         frozenset((a, b) for a, b in enabled if a != b),
         tuple(attribute(e, "name", "the SRDF") for e in children(robot, "passive_joint")),
         (*_unobeyed(robot, chains), *unread_notes(robot, SRDF, foreign)),
+        groups,
     )
 
 

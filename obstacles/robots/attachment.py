@@ -7,9 +7,9 @@ is held; to release it is to plan without the attachment, with the obstacle put 
 """
 
 import fnmatch
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import chain, product
 
 from numpy.typing import ArrayLike
 
@@ -17,6 +17,7 @@ from kinematics.arrays import Array, typed
 from kinematics.errors import ArmwrightError, InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import forward
 from kinematics.pose import inverse
+from kinematics.readers.lint import meant
 from obstacles.robots.allowed_pairs import TOUCH_DEPTH, contacts_of
 from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
 from obstacles.robots.tool import PART, parts_of
@@ -146,37 +147,66 @@ def hold(
         what = f"touch_links of attached object {attachment.held.id!r}"
         _check_names(attachment.touches, what, known, InvalidLinkName)
     for pair, contact in contacts_of(allowed, "request").items():
-        named = [name for name in pair if ANYTHING not in name or not fnmatch.filter(known, name)]
-        _check_names(named, "allowed_collisions", known, InvalidObjectName)
+        named = [name for name in pair if not stands_for(name, arm, known)]
+        groups = dict.fromkeys(arm.groups)
+        _check_names(named, "allowed_collisions", known | groups, InvalidObjectName)
         contacts[pair] = contact
     scene = with_parts(arm, replace(scene, obstacles=left, contacts=contacts))
     check_allowed(arm, scene)
     return Holding(arm, scene)
 
 
+def stands_for(name: str, robot: RobotGeometry, every: Collection[str]) -> list[str]:
+    """Links, obstacles and attached objects that a name in a pair that may touch stands for.
+
+    Args:
+        name: Name of one of them, of a tool, which stands for its jaws as well, of a group of the
+            robot's SRDF, or a pattern: ``*``, ``finger_*``. A link or attached object counts before
+            a group of its name.
+        robot: The arm with its tool and with what it holds.
+        every: All links, obstacles and attached objects.
+
+    Returns:
+        Their names; none where there is nothing of that name.
+    """
+    if ANYTHING in name:
+        return fnmatch.filter(every, name)
+    if _is_group(name, robot):
+        links = robot.groups[name]
+        return [part for link in links for part in parts_of(link, robot.names) if part in every]
+    return parts_of(name, robot.names) if name in every else []
+
+
+def _is_group(name: str, robot: RobotGeometry) -> bool:
+    return name in robot.groups and name not in robot.chain.index and name not in robot.names
+
+
 def with_parts(robot: RobotGeometry, scene: Scene) -> Scene:
-    """The scene with pairs that may touch spelled out: of all parts of a tool, and of patterns.
+    """The scene with pairs that may touch spelled out: of tools, groups of links and patterns.
 
     Args:
         robot: The arm with its tool and with what it holds.
-        scene: Scene whose pairs may name a tool, which stands for its jaws as well, or all links,
-            obstacles and attached objects of a pattern: ``*``, ``finger_*``.
+        scene: Scene whose pairs have names as `stands_for` takes them.
+
+    Raises:
+        InvalidScene: A name in a pair is an obstacle's and a group's.
     """
-    if not scene.contacts:
+    if not scene.allowed_collisions:
         return scene
+    check_allowed(robot, scene)
     tools = {name.partition(PART)[0] for name in robot.names if PART in name}
-    patterns = {p: c for p, c in scene.contacts.items() if any(ANYTHING in name for name in p)}
-    wide = {p: c for p, c in scene.contacts.items() if p in patterns or not tools.isdisjoint(p)}
-    if not wide:
+    named = set(chain.from_iterable(scene.allowed_collisions))
+    many = {name for name in named if ANYTHING in name or _is_group(name, robot)}
+    if named.isdisjoint(many | tools):
         return scene
     own = set(robot.names)
-    every = [*robot.names, *scene.ids]
-    contacts = {pair: c for pair, c in scene.contacts.items() if pair not in patterns}
-    for pair, contact in wide.items():
-        first, second = (
-            fnmatch.filter(every, name) if ANYTHING in name else parts_of(name, robot.names)
-            for name in pair
-        )
+    every = dict.fromkeys([*robot.names, *scene.ids])
+    given = {p: scene.contacts.get(p, AllowedContact()) for p in sorted(scene.allowed_collisions)}
+    contacts = {pair: contact for pair, contact in given.items() if many.isdisjoint(pair)}
+    for pair, contact in given.items():
+        if (many | tools).isdisjoint(pair):
+            continue
+        first, second = (stands_for(name, robot, every) for name in pair)
         for a, b in product(first, second):
             if a != b and (a in own or b in own):
                 contacts.setdefault(sorted_pair(a, b), contact)
@@ -184,20 +214,21 @@ def with_parts(robot: RobotGeometry, scene: Scene) -> Scene:
 
 
 def check_allowed(robot: RobotGeometry, scene: Scene) -> None:
-    """Refuse pairs that may touch of which a name is both an obstacle's and a link's.
+    """Refuse pairs that may touch of which a name is both an obstacle's and a link's or group's.
 
     Raises:
         InvalidScene: There is such a pair: it could mean either.
     """
     if not scene.allowed_collisions:
         return
-    both = (robot.chain.index.keys() | set(robot.names)).intersection(scene.ids)
+    own = robot.chain.index.keys() | set(robot.names) | robot.groups.keys()
+    both = own.intersection(scene.ids)
     for pair in sorted(scene.allowed_collisions) if both else ():
         for name in pair:
             if name in both:
                 raise InvalidScene(
-                    f"allowed_collisions: {name!r} is the name of an obstacle and of a link or "
-                    f"attached object: {list(pair)} could mean either",
+                    f"allowed_collisions: {name!r} is the name of an obstacle and of a link, group "
+                    f"or attached object: {list(pair)} could mean either",
                     hint="Give the obstacle another id.",
                     name=name,
                     pair=list(pair),
@@ -211,7 +242,8 @@ def _check_names(
         if name not in known:
             some = ", ".join(list(known)[:_TOLD]) + (", …" if len(known) > _TOLD else "")
             raise error(
-                f"{where}: there is no link, obstacle or attached object {name!r}",
+                f"{where}: there is no link, obstacle or attached object {name!r}"
+                f"{meant(name, list(known))}",
                 hint=f"There are: {some}.",
                 name=name,
                 names=list(known),

@@ -61,6 +61,7 @@ class RobotGeometry:
         suspected: Pairs that touch where the robot surely may stand, each with the reason.
         fingers: Joints off the chain that a gripper moves, and where they stand.
         unseen: Links that are drawn and have no solids: nothing is compared with them.
+        groups: Links of each group of the SRDF, by its name.
     """
 
     chain: Chain
@@ -74,6 +75,7 @@ class RobotGeometry:
     suspected: Mapping[Pair, str] = field(default_factory=dict)
     fingers: Fingers = field(default_factory=Fingers)
     unseen: tuple[str, ...] = ()
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     #: Links and attached objects that have pieces, each once, in their order.
     names: tuple[str, ...] = field(init=False, repr=False)
     #: Whether links of the robot itself have solids, not only what it holds.
@@ -90,6 +92,7 @@ class RobotGeometry:
         object.__setattr__(self, "allowed", MappingProxyType(dict(sorted(self.allowed.items()))))
         states = {name: frozen(q) for name, q in self.states.items()}
         object.__setattr__(self, "states", MappingProxyType(states))
+        object.__setattr__(self, "groups", MappingProxyType(dict(self.groups)))
         object.__setattr__(self, "names", tuple(dict.fromkeys(self.links)))
         solid = not self.chain.index.keys().isdisjoint(self.links)
         object.__setattr__(self, "has_solids", solid)
@@ -110,7 +113,7 @@ class RobotGeometry:
     def __reduce__(self) -> tuple[object, ...]:
         values = (self.chain, self.pieces, self.links, self.joints, self.solids)
         more = (dict(self.allowed), self.lint, dict(self.states), dict(self.suspected))
-        return RobotGeometry, (*values, *more, self.fingers, self.unseen)
+        return RobotGeometry, (*values, *more, self.fingers, self.unseen, dict(self.groups))
 
     def attach(
         self, attached: Obstacle, link: str, touch_links: Iterable[str] = ()
@@ -183,20 +186,27 @@ def robot_geometry(
     shape_of = cache(partial(_shape, meshes=meshes))
     solids = _solids(chain, description, shape_of)
     lint = [line for solid in solids for line in solid_notes(*solid)]
+    groups = {} if semantics is None else semantics.group_links(description)
+    lint += [
+        f"group {name!r} of the SRDF has the name of a link: a pair that may touch means the link"
+        for name in groups
+        if name in description.links
+    ]
     parents = {joint.child: joint.parent for joint in description.joints.values()}
     solids = [solid for solid in solids if solid.pieces]
     placed = [(solid.link, solid.pieces) for solid in solids]
     robot = geometry_of_solids(chain, placed, parents, semantics, lint)
     drawn = (link.name for link in chain.links if description.links[link.name].drawn)
     unseen = tuple(name for name in drawn if name not in robot.links)
+    robot = replace(robot, unseen=unseen, groups=groups)
     crowded = overlapping_covers(robot)
     if not crowded:
-        return replace(robot, unseen=unseen)
+        return robot
     for number in crowded:
         link, element, _ = solids[number]
         placed[number] = (link, _element_pieces(link, element, shape_of, FINE))
     finer = geometry_of_solids(chain, placed, parents, semantics)
-    return replace(finer, allowed=robot.allowed, lint=robot.lint, unseen=unseen)
+    return replace(finer, allowed=robot.allowed, lint=robot.lint, unseen=unseen, groups=groups)
 
 
 class _Solid(NamedTuple):

@@ -21,8 +21,9 @@ from kinematics.ik.numeric.numeric import reach
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from obstacles.robots.allowed_pairs import contacts_of
+from obstacles.robots.attachment import with_parts
 from obstacles.robots.grasps import jaw_span, surface_of
-from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from planning.preflight.goals import find_goals
 from planning.preflight.preflight import check_start
@@ -110,10 +111,8 @@ def _surroundings(task: Task, k: int) -> tuple[RobotGeometry, Scene]:
             taken.add(stage.object)
     scene = task.world.scene
     stands = tuple(obstacle for obstacle in scene.obstacles if obstacle.id not in taken)
-    pairs = {sorted_pair(*pair) for pair in task.stages[k].settings.allowed}
-    return world.robot, replace(
-        scene, obstacles=stands, allowed_collisions=scene.allowed_collisions | pairs
-    )
+    contacts = dict(scene.contacts) | contacts_of(task.stages[k].settings.allowed, "request")
+    return world.robot, with_parts(world.robot, replace(scene, obstacles=stands, contacts=contacts))
 
 
 def _told(task: Task, k: int, wrong: Failure) -> SequenceFailure:

@@ -1,6 +1,5 @@
 """Tasks: a robot, a scene, a start and the stages in order, checked for contradictions."""
 
-import fnmatch
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -14,8 +13,9 @@ from kinematics.errors import (
     InvalidObjectName,
     InvalidOption,
 )
+from kinematics.readers.lint import meant
 from kinematics.tree.fingers import Fingers, Positions
-from obstacles.robots.attachment import ANYTHING
+from obstacles.robots.attachment import stands_for
 from obstacles.robots.finger_geometry import moved_links, with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.tool import PART
@@ -315,7 +315,8 @@ def _check_names(world: World, stages: Sequence[Stage]) -> None:
     objects = {*world.scene.ids, *(item.name for item in world.held)}
     for k, (stage, robot) in enumerate(zip(stages, _robots(world, stages), strict=True)):
         chain = robot.chain
-        known = objects | {*chain.index, *robot.names}
+        bodies = objects | {*chain.index, *robot.names}
+        known = bodies | robot.groups.keys()
         tip = chain.link(chain.tip_link)
         for where, name in _object_names(stage):
             if name not in objects:
@@ -324,7 +325,7 @@ def _check_names(world: World, stages: Sequence[Stage]) -> None:
             if name not in chain.index and name not in robot.names:
                 raise _unknown(InvalidLinkName, stages, k, (where, name), set(chain.index))
         pairs = [name for pair in stage.settings.allowed for name in pair]
-        named = [name for name in pairs if ANYTHING not in name or not fnmatch.filter(known, name)]
+        named = [name for name in pairs if not stands_for(name, robot, bodies)]
         named += stage.touches if isinstance(stage, Attach) else ()
         for name in named:
             if name not in known:
@@ -372,7 +373,8 @@ def _unknown(
     max_names = 60
     listed = ", ".join(some[:max_names]) + (", …" if len(some) > max_names else "")
     return error(
-        f"{describe_stage(stages, k)}: {where} names {name!r}, which there is not",
+        f"{describe_stage(stages, k)}: {where} names {name!r}, which there is not"
+        f"{meant(name, some)}",
         hint=f"There are: {listed or 'none'}.",
         index=k,
         kind=stage_kind(stages[k]),

@@ -228,7 +228,7 @@ def scene_notes(robot: RobotGeometry, scene: Scene, held: Sequence[str] = ()) ->
     """
     if not scene.allowed_collisions:
         return scene.notes
-    known = {*robot.chain.index, *robot.names, *scene.ids, *held, ANYTHING}
+    known = {*robot.chain.index, *robot.names, *robot.groups, *scene.ids, *held}
     named = {name for pair in scene.allowed_collisions for name in pair} - known
     unknown = sorted(name for name in named if ANYTHING not in name)
     if not unknown:

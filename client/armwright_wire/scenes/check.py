@@ -117,7 +117,8 @@ AllowedCollisions = Annotated[
     Field(
         max_length=MAX_ALLOWED,
         description="more pairs of links, obstacles and attached objects that may touch, to "
-        "any depth unless they give a `touch_depth`",
+        "any depth unless they give a `touch_depth`; a group of the SRDF stands for its links, `*` "
+        "for any letters",
         examples=[[["panda_hand", "table_top"]]],
     ),
 ]

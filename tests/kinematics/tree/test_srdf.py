@@ -85,6 +85,40 @@ def test_what_is_not_obeyed_is_told_by_name() -> None:
     assert pickle.loads(pickle.dumps(srdf)).notes == srdf.notes
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_groups_stand_for_their_links(seed: int) -> None:
+    """Random groups of a random tree, each link asked by itself."""
+    random = Random(seed)
+    carrier = {f"l{k}": f"l{random.randrange(k)}" for k in range(1, 12)}
+    links = ["l0", *carrier]
+    joints = "".join(
+        f'<joint name="j{child[1:]}" type="fixed"><parent link="{parent}"/><child link="{child}"/>'
+        "</joint>"
+        for child, parent in carrier.items()
+    )
+    description = parse_urdf(
+        f"<robot name='r'>{''.join(f'<link name={name!r}/>' for name in links)}{joints}</robot>"
+    )
+
+    def beyond(link: str, other: str) -> bool:
+        """Whether a link is another or is carried by it."""
+        return link == other or (link in carrier and beyond(carrier[link], other))
+
+    base, tip, single, jointed = (random.choice(links[1:]) for _ in range(4))
+    srdf = parse_srdf(
+        f'<robot name="r"><group name="chain"><chain base_link="{base}" tip_link="{tip}"/></group>'
+        f'<group name="few"><link name="{single}"/><joint name="j{jointed[1:]}"/><link name="x"/>'
+        '<group name="all"/></group><group name="all"><group name="chain"/><group name="few"/>'
+        '</group><group name="gone"><chain base_link="l0" tip_link="nowhere"/></group></robot>'
+    )
+    between = {link for link in links if beyond(tip, link) != beyond(base, link)}
+    expected = {"chain": between, "few": between | {single, jointed}, "gone": set()}
+    expected["all"] = expected["few"]
+    found = pickle.loads(pickle.dumps(srdf)).group_links(description)
+    assert {name: set(of) for name, of in found.items()} == expected
+    assert all(list(of) == sorted(of, key=links.index) for of in found.values())
+
+
 def test_semantics_can_be_sent_to_workers() -> None:
     srdf = parse_srdf(SRDF)
     copy = pickle.loads(pickle.dumps(srdf))

@@ -1,5 +1,7 @@
 """What a robot holds, against FCL on solids that this file places by itself."""
 
+from dataclasses import replace
+
 import fcl
 import numpy as np
 import pytest
@@ -8,9 +10,11 @@ from kinematics.errors import InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import link_poses
 from kinematics.pose import from_rpy, inverse, transform
 from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import parse_srdf
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
+from obstacles.robots.allowed_pairs import allowed_pairs
 from obstacles.robots.attachment import Attachment, Holding, grasp, hold, release
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
@@ -36,9 +40,11 @@ T_LOWER_BALL = transform(None, [0.2, 0.0, 0.1])
 TABLE, T_TABLE = (1.4, 0.3, 0.1), transform(from_rpy([0.1, 0.2, 0.3]), [0.3, 0.55, 0.25])
 
 
-def crane() -> RobotGeometry:
+def crane(srdf: str | None = None) -> RobotGeometry:
     description = parse_urdf(URDF)
-    return robot_geometry(serial_chain(description, tip_link="hand"), description)
+    semantics = None if srdf is None else parse_srdf(srdf)
+    chain = serial_chain(description, tip_link="hand")
+    return robot_geometry(chain, description, semantics=semantics)
 
 
 def holding(scene: Scene, **more: tuple[str, ...]) -> Holding:
@@ -123,6 +129,60 @@ def test_what_may_touch_is_not_looked_at() -> None:
     by_request = hold(free.robot, free.scene, (), [("ball", "table")])
     left = FclWorld(by_request.robot, by_request.scene)
     assert len(left.pairs) == len(pairs.pairs) - 1
+
+
+GROUPS = (
+    '<robot name="crane"><group name="bars"><joint name="j1"/><link name="lower"/></group>'
+    '<group name="arm"><chain base_link="base" tip_link="hand"/></group>'
+    '<group name="upper"><link name="lower"/></group></robot>'
+)
+
+
+@pytest.mark.parametrize(
+    ("pair", "meant"),
+    [
+        (("bars", "table"), {("upper", "table"), ("lower", "table")}),
+        (("table", "arm"), {("upper", "table"), ("lower", "table")}),
+        (("upper", "table"), {("upper", "table")}),  # a link counts before a group of its name
+        (("bars", "*"), {(a, b) for a, b in PAIRS if {a, b} & {"upper", "lower"}}),
+        (("rod", "bars"), {("rod", "upper"), ("rod", "lower")}),
+    ],
+)
+def test_a_group_stands_for_its_links(pair: tuple[str, str], meant: set[tuple[str, str]]) -> None:
+    robot = crane(GROUPS)
+    told = [line for line in robot.lint if "group 'upper' of the SRDF has the name of" in line]
+    assert len(told) == 1
+    objects = [
+        Attachment(Obstacle("rod", Box(np.array(ROD)), T_HAND_ROD), "hand"),
+        Attachment(Obstacle("ball", Sphere(BALL), T_LOWER_BALL), "lower"),
+    ]
+    held = hold(robot, table(), objects, [pair])
+    listed = {item.pair for item in allowed_pairs(held.robot, held.scene) if item.reason != "srdf"}
+    assert {tuple(sorted(pair)) for pair in meant} <= listed
+    of_scene = hold(robot, replace(table(), allowed_collisions=frozenset({pair})), objects)
+    left = [pair for pair in PAIRS if pair not in meant]
+    checkers = [Checker.of(one.robot, one.scene) for one in (held, of_scene)]
+    random, verdicts = np.random.default_rng(5), set()
+    for q in random.uniform(-3.0, 3.0, (150, 3)):
+        placed = poses(q)
+        least = min(fcl_distance((a, placed[a]), (b, placed[b])) for a, b in left)
+        if abs(least) < 1e-6:
+            continue
+        verdicts.add(least > 0.0)
+        assert [checker.valid(q) for checker in checkers] == [least > 0.0] * 2
+    assert verdicts == {True, False}
+
+
+def test_a_group_is_no_obstacle_and_unknown_names_are_refused_with_the_nearest() -> None:
+    robot = crane(GROUPS)
+    with pytest.raises(InvalidObjectName, match="'barz'; is 'bars' meant"):
+        hold(robot, table(), (), [("barz", "table")])
+    with pytest.raises(InvalidObjectName, match="'tabel'; is 'table' meant"):
+        hold(robot, table(), (), [("bars", "tabel")])
+    bars = Scene((Obstacle("bars", Box(np.array(TABLE)), T_TABLE),))
+    assert hold(robot, bars).scene.ids == ("bars",)
+    with pytest.raises(InvalidScene, match="could mean either"):
+        hold(robot, bars, (), [("bars", "upper")])
 
 
 def test_from_grasp_to_release_it_is_one_object() -> None:
