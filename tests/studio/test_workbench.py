@@ -290,7 +290,8 @@ def test_the_stage_forms_are_those_of_the_api(workbench: Workbench) -> None:
     assert set(forms.fields) == {
         *("move", "approach", "retreat", "lift", "grasp", "place"),
         *("attach", "detach", "wait", "open", "close"),
-        *("line", "arc", "seam", "insert", "signal", "set", "wait_for", "for_each", "fallback"),
+        *("line", "arc", "seam", "insert", "signal", "set", "wait_for"),
+        *("for_each", "fallback", "regrasp"),
     }
     approach = {field.path: field for field in forms.fields["approach"]}
     assert approach["distance"].required
