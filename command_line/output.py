@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,13 @@ from service.viewer.words import against
 
 #: Digits after the point of lengths [m] and angles [rad].
 _DIGITS = 4
+#: Whether a command has printed its answer as JSON, so that nothing for people follows.
+_is_answered = ContextVar("is_answered", default=False)
 
 
 def console() -> Console:
     """The console that people read; made anew since tests replace standard output."""
-    return Console(highlight=False, soft_wrap=True)
+    return Console(highlight=False, soft_wrap=True, quiet=_is_answered.get())
 
 
 def print_json(answer: bytes | Any) -> None:
@@ -29,6 +32,18 @@ def print_json(answer: bytes | Any) -> None:
     """
     text = answer.decode() if isinstance(answer, bytes) else json.dumps(answer)
     sys.stdout.write(text.rstrip("\n") + "\n")
+
+
+def print_answer(answer: bytes | Any, as_json: bool) -> None:
+    """Print an answer as JSON where that is asked for; tables and lines after it are left out.
+
+    Args:
+        answer: The answer of the API, or a value.
+        as_json: Whether JSON is asked for.
+    """
+    if as_json:
+        print_json(answer)
+        _is_answered.set(True)
 
 
 def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
@@ -45,8 +60,8 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]
     for row in rows:
         table.add_row(*(Text(word(value)) for value in row))
     # As wide as the table needs where no terminal limits it: pipes get whole words.
-    wide = Console(highlight=False, width=None if sys.stdout.isatty() else 240)
-    wide.print(table)
+    width = None if sys.stdout.isatty() else 240
+    Console(highlight=False, width=width, quiet=_is_answered.get()).print(table)
 
 
 def print_line(text: str, style: str = "") -> None:

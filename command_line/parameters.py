@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable
+from contextvars import copy_context
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
@@ -149,7 +150,8 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
         for name, kind in groups.items():
             arguments[name] = kind(**{field: arguments.pop(field) for field in kind._fields})
         with shows_problems(values.get("as_json", False)):
-            function(**arguments)
+            # In a context of its own, which ends with what the command has printed.
+            copy_context().run(function, **arguments)
 
     run.__name__ = function.__name__
     run.__doc__ = inspect.getdoc(function)

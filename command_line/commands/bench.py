@@ -9,7 +9,7 @@ import typer
 
 from command_line.backends.backend import Backend, connect
 from command_line.backends.endpoints import CHECK, FK, IK, PLAN, Endpoint
-from command_line.output import print_json, print_table
+from command_line.output import print_answer, print_table
 from command_line.parameters import Connection, RobotSource, command
 
 #: Robots that are measured if none is named.
@@ -49,9 +49,7 @@ def bench(
     """Measure how long kinematics, checks and certified plans take."""
     with connect(connection) as backend:
         rows = [row for name in robots or _ROBOTS for row in _of_robot(backend, name, repeats)]
-    if connection.as_json:
-        print_json([row._asdict() for row in rows])
-        return
+    print_answer([row._asdict() for row in rows], connection.as_json)
     columns = ("robot", "request", "median [ms]", "longest [ms]", "first [ms]")
     print_table(f"{repeats} repetitions", columns, rows)
 
@@ -60,7 +58,8 @@ def _of_robot(backend: Backend, source: str, repeats: int) -> list[Row]:
     name = backend.robot_name(RobotSource(source))
     limits = backend.robot_model(name)["limits"]
     middle, aside = _ends(limits["lower"], limits["upper"])
-    pose = _pose(backend, name, aside)
+    found = json.loads(backend.answer(FK, name, {"joints": aside}))["pose"]
+    pose = {key: found[key] for key in ("position", "quaternion_xyzw")}
     requests: list[tuple[str, Endpoint, dict[str, Any]]] = [
         ("fk", FK, {"joints": aside}),
         ("ik", IK, {"pose": pose, "seed_joints": middle}),
@@ -81,11 +80,6 @@ def _ends(lower: list[float | None], upper: list[float | None]) -> tuple[list[fl
     ]
     middle = [0.5 * (low + high) for low, high in pairs]
     return middle, [0.5 * (low + high) + 0.5 * _SHARE * (high - low) for low, high in pairs]
-
-
-def _pose(backend: Backend, name: str, joints: list[float]) -> dict[str, Any]:
-    pose = json.loads(backend.answer(FK, name, {"joints": joints}))["pose"]
-    return {key: pose[key] for key in ("position", "quaternion_xyzw")}
 
 
 def _measure(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from rich.console import Console
 
-from command_line.output import print_json, print_table
+from command_line.output import print_answer, print_table
 from command_line.parameters import Connection, command
 from command_line.problems import CommandProblem, negative
 
@@ -51,10 +51,8 @@ def doctor(connection: Connection) -> None:
             _data_folder(),
             *([] if connection.url is None else [_service(connection.url, connection.token)]),
         ]
-    if connection.as_json:
-        print_json({"findings": [finding._asdict() for finding in findings]})
-    else:
-        print_table("Installation", Finding._fields, findings)
+    print_answer({"findings": [finding._asdict() for finding in findings]}, connection.as_json)
+    print_table("Installation", Finding._fields, findings)
     if any(finding.state == "fault" for finding in findings):
         raise negative()
 

@@ -14,7 +14,7 @@ from command_line import values
 from command_line.backends.backend import at, here
 from command_line.backends.endpoints import EXPORT
 from command_line.commands.motions import Motion, ask
-from command_line.output import print_json, print_line, print_table, save
+from command_line.output import print_answer, print_line, print_table, save
 from command_line.parameters import (
     Connection,
     Margin,
@@ -52,9 +52,7 @@ def project(
         given = [given]
     body: dict[str, Any] = {"points": given, "engine": engine}
     answer = _answer(connection, surroundings or "", body)
-    if connection.as_json:
-        print_json(answer)
-        return
+    print_answer(answer, connection.as_json)
     rows = [
         (i, item["obstacle"], item["distance"], item["projection"])
         for i, row in enumerate(json.loads(answer)["projections"])
@@ -146,7 +144,7 @@ def export(
     }
     content = ask(connection, EXPORT, robot, request._replace(output=None), body)
     answer = json.loads(content)
-    if not connection.as_json and request.output is None and form != _RECORDING:
+    if request.output is None and form != _RECORDING:
         print_line(answer["content"].rstrip("\n"))
     if request.output is not None:
         text = answer["content"]
@@ -192,7 +190,5 @@ def sweep(
     content = glb(surface, "swept volume") if output.suffix == ".glb" else stl(surface)
     save(output, content)
     figures = {"hulls": len(swept.hulls), "triangles": len(surface.faces), "bytes": len(content)}
-    if connection.as_json:
-        print_json(figures)
-    else:
-        print_line(", ".join(f"{count} {name}" for name, count in figures.items()))
+    print_answer(figures, connection.as_json)
+    print_line(", ".join(f"{count} {name}" for name, count in figures.items()))

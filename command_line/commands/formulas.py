@@ -9,7 +9,7 @@ from command_line import values
 from command_line.backends.backend import connect
 from command_line.backends.endpoints import CONVERT_POSE, JACOBIAN
 from command_line.commands.kinematics import Joints
-from command_line.output import print_json, print_line, print_table
+from command_line.output import print_answer, print_line, print_table
 from command_line.parameters import Connection, Mounted, RobotSource, command
 
 Axes = Annotated[
@@ -33,9 +33,7 @@ def pose(
     body = {"pose": values.pose("POSE", value), "inverse": inverse}
     with connect(connection) as backend:
         answer = backend.answer(CONVERT_POSE, None, body)
-    if connection.as_json:
-        print_json(answer)
-        return
+    print_answer(answer, connection.as_json)
     document = json.loads(answer)
     rows = [item for name, form in document["pose"].items() for item in _rows(name, form)]
     print_table("Pose", ("form", "value [m, rad]"), rows)
@@ -64,9 +62,7 @@ def jacobian(
         given = {"link": link, "frame": frame, "axes": values.words(axes), "kind": kind}
         body |= {field: value for field, value in given.items() if value is not None}
         answer = backend.answer(JACOBIAN, name, body | values.mounted(mounted))
-    if connection.as_json:
-        print_json(answer)
-        return
+    print_answer(answer, connection.as_json)
     document = json.loads(answer)
     rows = zip(values.words(axes) or values.AXES, document["jacobian"], strict=True)
     print_table(f"Jacobian in {document['frame']}", ("axis", "row"), rows)
@@ -87,9 +83,7 @@ def equations(
     with connect(connection) as backend:
         name = backend.robot_name(robot)
         answer = backend.equations(name, notation, values.words(axes) or [])
-    if connection.as_json:
-        print_json(answer)
-        return
+    print_answer(answer, connection.as_json)
     print_line(json.loads(answer)["document"])
 
 

@@ -1,16 +1,14 @@
 """Commands that learn from recordings: ``identify``, ``excite``, ``calibrate`` and ``fit``."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
 
 from command_line import values
-from command_line.backends.backend import connect
 from command_line.backends.endpoints import CALIBRATE, EXCITE, FIT, IDENTIFY
-from command_line.commands.motions import ask, show_certificate
+from command_line.commands.motions import ask, robot_model, show_certificate
 from command_line.output import print_line, print_notes, print_table
 from command_line.parameters import (
     Cell,
@@ -48,11 +46,6 @@ class Measurements(NamedTuple):
     link: Link = None
 
 
-def _model(connection: Connection, robot: RobotSource) -> Mapping[str, Any]:
-    with connect(connection) as backend:
-        return backend.robot_model(backend.robot_name(robot))
-
-
 @command
 def identify(
     connection: Connection,
@@ -66,7 +59,7 @@ def identify(
     sought: Sought,
 ) -> None:
     """Find inertias and frictions of a robot, or its load, from logs."""
-    model, notes = _model(connection, robot), list[str]()
+    model, notes = robot_model(connection, robot), list[str]()
     gains = None if sought.gains is None else values.read_value("--gains", sought.gains)
     bodies: list[dict[str, Any]] = []
     for path in logs:
@@ -83,8 +76,6 @@ def identify(
         "cutoff": sought.cutoff,
     }
     answer = json.loads(ask(connection, IDENTIFY, robot, request, body))
-    if connection.as_json:
-        return
     names = ("name", "value", "standard_error", "consistent", "unit")
     rows = (tuple(each[name] for name in names) for each in answer["parameters"])
     print_table("Parameters", ("parameter", "value", "error", "of bodies", "unit"), rows)
@@ -111,15 +102,13 @@ def excite(
     evaluations: Annotated[int | None, typer.Option(help="Motions that are tried.")] = None,
 ) -> None:
     """Find a proved motion from whose logs a robot is identified well."""
-    states = _model(connection, robot)["states"]
+    states = robot_model(connection, robot)["states"]
     body = values.cell(cell) | {
         "start": None if start is None else values.configuration("--start", start, states),
         "period": period,
         "evaluations": evaluations,
     }
     answer = json.loads(ask(connection, EXCITE, robot, request, body))
-    if connection.as_json:
-        return
     print_line(f"duration {answer['trajectory']['duration']:.4f} s")
     count = len(answer["base_parameters"])
     print_line(f"{count} parameters, condition number {answer['condition']:.3g}")
@@ -140,7 +129,7 @@ def calibrate(
     measured: Measurements,
 ) -> None:
     """Find the frames of a robot's joints as they were made, from measurements of its tip."""
-    found = values.recording(record, _model(connection, robot), recorded, measured.tip)
+    found = values.recording(record, robot_model(connection, robot), recorded, measured.tip)
     body: dict[str, Any] = values.mounted(mounted) | {
         "joints": found.positions,
         **found.tip,
@@ -149,8 +138,6 @@ def calibrate(
         "link": measured.link,
     }
     answer = json.loads(ask(connection, CALIBRATE, robot, request, body))
-    if connection.as_json:
-        return
     names = ("joint", "parameter", "value", "standard_error")
     rows = (tuple(each[name] for name in names)
             for each in answer["corrections"] if each["determined"])  # fmt: skip
@@ -176,7 +163,7 @@ def fit(
     rest: Annotated[bool, typer.Option(help="Begin and end without velocity.")] = False,
 ) -> None:
     """Fit few polynomials to a recorded motion, and prove them."""
-    found = values.recording(record, _model(connection, robot), recorded)
+    found = values.recording(record, robot_model(connection, robot), recorded)
     samples = {"time": found.times, "position": found.positions}
     body: dict[str, Any] = values.mounted(mounted) | {
         "samples": samples,
@@ -184,8 +171,6 @@ def fit(
         "rest": rest,
     }
     answer = json.loads(ask(connection, FIT, robot, request, body))
-    if connection.as_json:
-        return
     trajectory = answer["trajectory"]
     print_line(f"{len(trajectory['segments'])} polynomials of {trajectory['duration']:.4f} s")
     print_line(f"at most {answer['deviation']:.3g} rad or m from the record at every instant")

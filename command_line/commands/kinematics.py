@@ -9,7 +9,7 @@ import typer
 from command_line import values
 from command_line.backends.backend import connect
 from command_line.backends.endpoints import FK, IK, REACH
-from command_line.output import print_json, print_line, print_table
+from command_line.output import print_answer, print_json, print_line, print_table
 from command_line.parameters import Cell, Connection, Mounted, RobotSource, command
 from command_line.robot_files import read_json
 
@@ -84,9 +84,7 @@ def fk(
         if link is not None:
             body["link"] = link
         answer = backend.answer(FK, name, body)
-    if connection.as_json:
-        print_json(answer)
-        return
+    print_answer(answer, connection.as_json)
     document = json.loads(answer)
     links = document["links"] if link is None else {link: document["pose"]}
     print_table(
@@ -151,9 +149,7 @@ def ik(
         answer = backend.answer(
             IK, name, body | {"all_solutions": shown.all_solutions, "max_solutions": shown.most}
         )
-    if connection.as_json:
-        print_json(answer)
-        return
+    print_answer(answer, connection.as_json)
     rows = (
         (i, row["joints"], row["branch"], row["collision_free"], row["rejected_because"])
         for i, row in enumerate(json.loads(answer)["solutions"])

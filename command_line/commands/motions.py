@@ -20,7 +20,15 @@ from command_line.backends.endpoints import (
     Endpoint,
 )
 from command_line.commands.kinematics import Joints
-from command_line.output import print_json, print_line, print_notes, print_table, save, word
+from command_line.output import (
+    print_answer,
+    print_json,
+    print_line,
+    print_notes,
+    print_table,
+    save,
+    word,
+)
 from command_line.parameters import (
     Cell,
     Connection,
@@ -81,9 +89,19 @@ def ask(
     if whole is not None:
         kept = {"operation": f"POST {endpoint.path}", "request": fields}
         save(whole, json.dumps(kept | {"answer": json.loads(answer)}).encode())
-    if connection.as_json:
-        print_json(answer)
+    print_answer(answer, connection.as_json)
     return answer
+
+
+def robot_model(connection: Connection, robot: RobotSource) -> Mapping[str, Any]:
+    """The model of a robot, as the API answers it.
+
+    Args:
+        connection: Address and key of a service, or none for this process.
+        robot: The robot.
+    """
+    with connect(connection) as backend:
+        return backend.robot_model(backend.robot_name(robot))
 
 
 @command
@@ -107,8 +125,6 @@ def plan(
         "stops": stops,
     }
     answer = json.loads(ask(connection, PLAN, robot, request, body))
-    if connection.as_json:
-        return
     print_table(
         f"Plan found by {answer['planner']}",
         ("stage", "outcome", "time [ms]"),
@@ -128,19 +144,9 @@ def check(
     cell: Cell,
 ) -> None:
     """Check one configuration for limits and collisions; exit with 1 where it is not valid."""
-    with connect(connection) as backend:
-        states = backend.robot_model(backend.robot_name(robot))["states"]
-    body = values.cell(cell) | {
-        "joints": values.configuration("--joints", joints, states),
-    }
+    states = robot_model(connection, robot)["states"]
+    body = values.cell(cell) | {"joints": values.configuration("--joints", joints, states)}
     answer = json.loads(ask(connection, CHECK, robot, request, body))
-    if not connection.as_json:
-        _show_check(answer)
-    if not answer["valid"]:
-        raise negative()
-
-
-def _show_check(answer: dict[str, Any]) -> None:
     pair = " and ".join(answer["clearance_pair"] or ("nothing",))
     print_line("valid" if answer["valid"] else "not valid", "bold")
     print_line(f"clearance {word(answer['clearance'])} m, between {pair}")
@@ -153,6 +159,8 @@ def _show_check(answer: dict[str, Any]) -> None:
         print_line(sentence)
     if rows:
         print_table("Violations", ("kind", "of", "with", "depth [m] or value"), rows)
+    if not answer["valid"]:
+        raise negative()
 
 
 @command
@@ -170,8 +178,7 @@ def validate(
         "stops": stops,
     }
     certificate = json.loads(ask(connection, VALIDATE, robot, request, body))
-    if not connection.as_json:
-        show_certificate(certificate)
+    show_certificate(certificate)
     if not certificate["verified"] or not (certificate.get("stops") or {"proved": True})["proved"]:
         raise negative()
 
@@ -260,17 +267,13 @@ def retime(
     waypoints = {"joints": document["path"]["joints"]} if "path" in document else document
     notes: Sequence[str] = ()
     if "joints" not in waypoints:
-        with connect(connection) as backend:
-            model = backend.robot_model(backend.robot_name(robot))
-        found = values.recording(path, model, recorded)
+        found = values.recording(path, robot_model(connection, robot), recorded)
         waypoints, notes = {"joints": found.positions}, found.notes
     if timed.tolerance is not None:
         waypoints = waypoints | {"tolerance": timed.tolerance}
     timing = {"method": timed.method, "velocity_scaling": timed.scaling}
     body = values.mounted(mounted) | {"path": waypoints, "timing": timing, "stops": stops}
     answer = json.loads(ask(connection, RETIME, robot, request, body))
-    if connection.as_json:
-        return
     print_line(f"duration {answer['trajectory']['duration']:.4f} s")
     show_certificate(answer["certificate"])
     print_table("Largest values of each joint", ("of", "joints"), answer["peaks"].items())
@@ -298,8 +301,6 @@ def simulate(
         "scene": values.scene(scene),
     }
     answer = json.loads(ask(connection, SIMULATE, robot, request, body))
-    if connection.as_json:
-        return
     print_line(f"{answer['outcome']}: {answer['advice']}", "bold")
     print_line(f"largest tracking error {answer['max_tracking_error']:.3g} rad or m")
     errors = answer["max_joint_errors"]

@@ -7,7 +7,7 @@ import typer
 
 from command_line import values
 from command_line.backends.backend import Backend, connect
-from command_line.output import print_json, print_line, print_notes, print_table
+from command_line.output import print_answer, print_line, print_notes, print_table
 from command_line.parameters import Connection, RobotSource, command
 from command_line.problems import invalid_value
 from command_line.robot_files import valid_name
@@ -59,9 +59,7 @@ def robots(
             case _:
                 hint = "Give one robot, `add` and what to add, or `remove` and a name."
                 raise invalid_value("robots", "these are too many words", hint)
-    if connection.as_json:
-        print_json({"robots": rows})
-        return
+    print_answer({"robots": rows}, connection.as_json)
     print_table(
         "Robots",
         ("name", "joints", "built in"),
@@ -77,18 +75,14 @@ def _add(backend: Backend, source: RobotSource, kept_as: str | None, as_json: bo
     name = kept_as or valid_name(Path(source.robot).name.partition(".")[0])
     kept = backend.keep_robot(document_of(found, source, name))
     told = {"name": name, "source": found.source, "licence": found.licence, "kept": kept}
-    if as_json:
-        print_json(told)
-        return
+    print_answer(told, as_json)
     print_line(f"{name}: kept in {kept}")
     print_line(f"source: {found.source}")
     print_line(f"licence: {found.licence or 'none is told; ask its authors before you use it'}")
 
 
 def _show_robot(model: dict[str, Any], as_json: bool) -> None:
-    if as_json:
-        print_json(model)
-        return
+    print_answer(model, as_json)
     limits, states = model["limits"], model["states"]
     names, types = model["joint_names"], model["joint_types"]
     rows = ((name, types[i], *(limits[key][i] for key in _LIMITS)) for i, name in enumerate(names))
@@ -112,9 +106,7 @@ def scenes(
         return
     with connect(connection) as backend:
         rows = backend.scenes()
-    if connection.as_json:
-        print_json({"scenes": rows})
-        return
+    print_answer({"scenes": rows}, connection.as_json)
     print_table(
         "Scenes",
         ("name", "version", "hash"),
@@ -137,8 +129,6 @@ def _show_scene(file: str, as_json: bool) -> None:
         }
         for obstacle in obstacles
     ]
-    if as_json:
-        print_json({"obstacles": rows})
-        return
+    print_answer({"obstacles": rows}, as_json)
     columns = ("id", "shape", "position", "margin")
     print_table(file, columns, ([row[column] for column in columns] for row in rows))

@@ -42,13 +42,7 @@ def tour(
         "start": None if start is None else values.goal("--start", start),
         "end": end if end in {None, "any", "start"} else values.goal("--end", str(end)),
     }
-    answer = ask(connection, TOUR, robot, request, given, goals, whole)
-    if not connection.as_json:
-        _show_tour(json.loads(answer))
-
-
-def _show_tour(tour: dict[str, Any]) -> None:
-    """Print the visits, the time and what is left out."""
+    tour = json.loads(ask(connection, TOUR, robot, request, given, goals, whole))
     count = len(tour["visits"])
     print_line(f"{count} goals in {tour['time']:.3f} s, every leg proved", "bold")
     print_premises("leg", [leg["certificate"] for leg in tour["legs"]])
@@ -84,16 +78,10 @@ def task(
         "start": None if start is None else values.goal("--start", start),
         "improve": improve,
     }
-    answer = ask(connection, TASK, robot, request, given, stages, whole)
-    if not connection.as_json:
-        _show(json.loads(answer))
-
-
-def _show(planned: dict[str, Any]) -> None:
-    """Print the stages, the time and what could not be done."""
+    planned = json.loads(ask(connection, TASK, robot, request, given, stages, whole))
     count = len(planned["stages"])
-    stages = "stage" if count == 1 else "stages"
-    print_line(f"{count} {stages} in {planned['duration']:.3f} s, every one proved", "bold")
+    word = "stage" if count == 1 else "stages"
+    print_line(f"{count} {word} in {planned['duration']:.3f} s, every one proved", "bold")
     rows = [_row(stage) for stage in planned["stages"]]
     columns = ("stage", "begins [s]", "lasts [s]", "choice", "holds", "clearance [m]")
     print_table("Stages", columns, rows)

@@ -56,7 +56,9 @@ def view(
     if is_file:
         content = _of_file(file, robot, scene, values.mounted(mounted), tree=tree)
     else:
-        content = _of_service(connection, source, tree=tree)
+        address = connection.url or armwright_client.DEFAULT_URL
+        with closing(at(address, connection.token)) as service:
+            content = service.page(source, tree=tree)
     stem = "plan" if source == STANDARD_INPUT else source
     page = output or (file.with_suffix(".html") if file.is_file() else Path(f"{stem}.html"))
     save(page, content)
@@ -64,11 +66,6 @@ def view(
         webbrowser.open(page.absolute().as_uri())
     else:
         print_line(str(page))
-
-
-def _of_service(connection: Connection, plan_id: str, *, tree: bool) -> bytes:
-    with closing(at(connection.url or armwright_client.DEFAULT_URL, connection.token)) as backend:
-        return backend.page(plan_id, tree=tree)
 
 
 def _of_file(
@@ -79,7 +76,8 @@ def _of_file(
         if "armwright_bundle" in document:
             name, plan, place = _of_bundle(document, backend)
         else:
-            source = robot or _robot_of(document)
+            named = document.get("robot")
+            source = robot or (named["name"] if isinstance(named, dict) else None)
             if source is None:
                 raise invalid_value(str(file), "it does not say which robot it is of",
                                     "Name the robot with --robot.")  # fmt: skip
@@ -107,12 +105,6 @@ def _of_bundle(
     fields = checked.model_dump(include={"operation", "version", "seed", "digest"})
     plan = fields | {"request": json.loads(checked.request), field: json.loads(checked.answer)}
     return name, plan, None if stored is None else json.loads(stored)
-
-
-def _robot_of(document: dict[str, Any]) -> str | None:
-    """The name of the robot of a kept plan; None where the file does not tell."""
-    named = document.get("robot")
-    return named["name"] if isinstance(named, dict) else None
 
 
 def _plan(
