@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array
@@ -147,23 +148,9 @@ def to_quaternion(rotation: Matrix) -> Matrix:
 
 def to_quaternions(rotations: Matrix) -> Matrix:
     """Quaternions (..., 4) of rotation matrices (..., 3, 3), each as ``to_quaternion`` gives it."""
-    R = rotations
-    flat = R.reshape(-1, 3, 3)
-    r00, r11, r22 = flat[:, 0, 0], flat[:, 1, 1], flat[:, 2, 2]
-    trace = r00 + r11 + r22
-    # Column k of each 4x4 matrix is proportional to the quaternion, by its component k.
-    columns = np.empty((len(flat), 4, 4))
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        columns[:, i, i] = 1.0 + flat[:, i, i] - flat[:, j, j] - flat[:, k, k]
-        columns[:, i, j] = columns[:, j, i] = flat[:, j, i] + flat[:, i, j]
-        columns[:, i, 3] = columns[:, 3, i] = flat[:, k, j] - flat[:, j, k]
-    columns[:, 3, 3] = 1.0 + trace
-    largest = np.argmax(np.stack([r00, r11, r22, trace]), axis=0)
-    q = columns[np.arange(len(flat)), largest]
-    q /= np.linalg.norm(q, axis=1, keepdims=True)
-    q[q[:, 3] < 0.0] *= -1.0
-    return np.asarray(q.reshape(*R.shape[:-2], 4))
+    matrices = rotations.reshape(-1, 3, 3)
+    turns = scipy.spatial.transform.Rotation.from_matrix(matrices, assume_valid=True)
+    return np.asarray(turns.as_quat(canonical=True).reshape(*rotations.shape[:-2], 4))
 
 
 def from_matrix(rotation: ArrayLike) -> Matrix:

@@ -116,7 +116,32 @@ class Sphere(Shape):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cylinder(Shape):
+class _Round(Shape):
+    """A solid of revolution about z, centred.
+
+    Args:
+        radius: [m].
+        height: [m].
+
+    Raises:
+        InvalidScene: A size is not finite, not positive or out of range.
+    """
+
+    radius: float
+    height: float
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "height"):
+            size = _length(getattr(self, name), f"{type(self).__name__.lower()} {name}")
+            object.__setattr__(self, name, size)
+
+    def measures(self) -> tuple[float, float, float]:
+        """Radius and height [m]."""
+        return (self.radius, self.height, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cylinder(_Round):
     """A cylinder, centred, along z.
 
     Args:
@@ -128,16 +153,6 @@ class Cylinder(Shape):
     """
 
     primitive: ClassVar[int] = int(Primitive.CYLINDER)
-    radius: float
-    height: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", _length(self.radius, "cylinder radius"))
-        object.__setattr__(self, "height", _length(self.height, "cylinder height"))
-
-    def measures(self) -> tuple[float, float, float]:
-        """Radius and height [m]."""
-        return (self.radius, self.height, 0.0)
 
     def pieces(self) -> tuple[Piece, ...]:
         """One cylinder."""
@@ -145,7 +160,7 @@ class Cylinder(Shape):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Capsule(Shape):
+class Capsule(_Round):
     """A cylinder with half-balls on its ends, centred, along z.
 
     Args:
@@ -156,13 +171,6 @@ class Capsule(Shape):
         InvalidScene: A size is not finite, not positive or out of range.
     """
 
-    radius: float
-    height: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", _length(self.radius, "capsule radius"))
-        object.__setattr__(self, "height", _length(self.height, "capsule height"))
-
     def pieces(self) -> tuple[Piece, ...]:
         """One rounded segment."""
         half = 0.5 * self.height
@@ -170,7 +178,7 @@ class Capsule(Shape):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cone(Shape):
+class Cone(_Round):
     """A cone, centred, along z: the apex at z = +height/2, the base at z = -height/2.
 
     Args:
@@ -182,16 +190,6 @@ class Cone(Shape):
     """
 
     primitive: ClassVar[int] = int(Primitive.CONE)
-    radius: float
-    height: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "radius", _length(self.radius, "cone radius"))
-        object.__setattr__(self, "height", _length(self.height, "cone height"))
-
-    def measures(self) -> tuple[float, float, float]:
-        """Radius and height [m]."""
-        return (self.radius, self.height, 0.0)
 
     def pieces(self) -> tuple[Piece, ...]:
         """One cone."""
