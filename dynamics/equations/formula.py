@@ -198,7 +198,7 @@ def real_terms(table: SymbolicTable, value: Polynomial, *, pair: bool = True) ->
     terms = []
     for symbols, parts in by_symbols.items():
         for angles, number in (_pair(parts) if pair else parts).items():
-            terms.append(Term(number, _powers(symbols, angles)))
+            terms.append(Term(number, (*symbols, *Counter(angles).items())))
     return terms
 
 
@@ -237,10 +237,6 @@ def _tensor(groups: Sequence[dict[str, int]]) -> list[tuple[tuple[Angle, ...], c
             for function, factor in ((cos, 1.0 + 0.0j), (sin, sign * 1.0j))
         ]
     return products
-
-
-def _powers(symbols: Powers, angles: Iterable[Angle]) -> Powers:
-    return (*symbols, *Counter(angles).items())
 
 
 def _pair(parts: dict[tuple[Angle, ...], float]) -> dict[tuple[Angle, ...], float]:

@@ -193,7 +193,8 @@ def solutions(
     free = False
     frames = target @ np.array([*form.W, 1.0])
     scale = max(form.size, float(np.linalg.norm(frames[:3])))
-    for first, free_arm in _arms(form, frames[:3], _near(form, near), scale):
+    near_arm = np.array([0.0, near[0], near[1]]) if form.virtual else near[:3]
+    for first, free_arm in _arms(form, frames[:3], near_arm, scale):
         for last, free_wrist, hand in _hands(form, first, target, near):
             q = near.copy()
             values = [*first[int(form.virtual) :], *last]
@@ -209,10 +210,6 @@ def solutions(
             q.setflags(write=False)
             found.append(IkSolution(q, *errors, 0, _branch(form, first, hand), len(copies) > 0))
     return found, not free
-
-
-def _near(form: Decoupled, near: Array) -> Array:
-    return np.array([0.0, near[0], near[1]]) if form.virtual else near[:3]
 
 
 # ------------------------------------------------------------------------------ first three joints

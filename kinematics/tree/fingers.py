@@ -153,7 +153,8 @@ def fingers(
             waiting.append(joint.child)
             if joint.moves or link in behind:
                 behind.add(joint.child)
-                found.append(_finger(description, joint))
+                leader = description.leader(joint) if joint.moves else ("",)
+                found.append(Finger(joint, *leader))
     leaders = {finger.leader for finger in found if finger.leader}
     positions = {name: value for name, value in chosen.held.items() if name in leaders}
     # What follows a joint that is no finger stays where it is.
@@ -163,12 +164,6 @@ def fingers(
         for finger in found
     )  # fmt: skip
     return Fingers(kept, positions, _states(semantics, positions, chosen))
-
-
-def _finger(description: RobotDescription, joint: JointDescription) -> Finger:
-    if not joint.moves:
-        return Finger(joint, "")
-    return Finger(joint, *description.leader(joint))
 
 
 def _states(

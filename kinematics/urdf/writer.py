@@ -63,10 +63,11 @@ def urdf_text(
     Raises:
         InvalidRobotDescription: A joint carries no link, so nothing can hang on it.
     """
-    bodies = [f"  <!-- {_comment(note)} -->" for note in (*notes, *_omissions(chain))]
+    bodies = [f"  <!-- {note.replace('--', '- -')} -->" for note in (*notes, *_omissions(chain))]
     solids = solids or {}
     last, T_base_last = chain.root_link, np.eye(4)
-    bodies += _base(chain, solids)
+    base = chain.link(chain.root_link)
+    bodies.append(_link(base.name, base.inertia, solids.get(base.name, ())))
     for i in range(chain.n):
         name, frame = chain.joint_names[i], f"{chain.joint_names[i]}_frame"
         origin = inverse(T_base_last) @ chain.offsets[i]
@@ -90,11 +91,6 @@ def _omissions(chain: Chain) -> list[str]:
         inertias = ", ".join(repr(float(value)) for value in chain.motor_inertia)
         comments.append(f"motor inertias at the joints: {inertias}")
     return comments
-
-
-def _base(chain: Chain, solids: Mapping[str, Sequence[CollisionElement]]) -> list[str]:
-    base = chain.link(chain.root_link)
-    return [_link(base.name, base.inertia, solids.get(base.name, ()))]
 
 
 def _fixed_link(
@@ -168,10 +164,6 @@ def _origin(T: Array) -> str:
     xyz = " ".join(repr(float(value)) for value in T[:3, 3])
     rpy = " ".join(repr(float(value)) for value in to_rpy(T[:3, :3]))
     return f'<origin xyz="{xyz}" rpy="{rpy}"/>'
-
-
-def _comment(text: str) -> str:
-    return text.replace("--", "- -")
 
 
 def srdf_text(

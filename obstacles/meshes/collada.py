@@ -168,13 +168,8 @@ def _diffuse_colors(root: Element) -> dict[str, tuple[float, float, float, float
         if _tag(element) == "instance_material":
             target = element.get("target", "").removeprefix("#")
             target_of.setdefault(element.get("symbol", ""), target)
-    return _without_none({s: effects.get(effect_of.get(t, "")) for s, t in target_of.items()})
-
-
-def _without_none(
-    colors: Mapping[str, tuple[float, float, float, float] | None],
-) -> dict[str, tuple[float, float, float, float]]:
-    return {name: color for name, color in colors.items() if color is not None}
+    found = {s: effects.get(effect_of.get(t, "")) for s, t in target_of.items()}
+    return {name: color for name, color in found.items() if color is not None}
 
 
 def _diffuse(effect: Element) -> tuple[float, float, float, float] | None:

@@ -55,12 +55,6 @@ def _edge_keys(faces: Faces, directed: bool) -> NDArray[np.int64]:
     return np.asarray(begins * (int(faces.max(initial=0)) + 1) + ends)
 
 
-def _is_alike(faces: Faces) -> bool:
-    """Whether no two triangles run the same way along an edge."""
-    keys = np.sort(_edge_keys(faces, directed=True))
-    return bool((keys[1:] != keys[:-1]).all())
-
-
 def oriented(faces: Faces) -> Faces:
     """Triangles with neighbours oriented alike, as most of them are.
 
@@ -69,7 +63,8 @@ def oriented(faces: Faces) -> Faces:
     Args:
         faces: Corners that lie in one place numbered alike, shape (f, 3).
     """
-    if _is_alike(faces):
+    sides = np.sort(_edge_keys(faces, directed=True))
+    if (sides[1:] != sides[:-1]).all():  # no two triangles run the same way along an edge
         return faces
     keys = _edge_keys(faces, directed=False)
     order = np.argsort(keys, kind="stable")

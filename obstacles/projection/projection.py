@@ -281,21 +281,13 @@ def _plain(
 
 def _cornered(piece: Piece, hull: Hull, rounding: float) -> _Core:
     size = np.array([piece.radius, piece.half_height, rounding, 0.0])
-    return _Core(HULL, size, _ball(piece), _across(hull), hull)
-
-
-def _ball(piece: Piece) -> Array:
     center, radius = piece.bounding_sphere()
-    return np.array([*center, radius])
+    is_flat = len(hull.vertices) > 1 and not hull.solid
+    across = principal_axes(hull.vertices)[2] if is_flat else _ALONG_X
+    return _Core(HULL, size, np.array([*center, radius]), across, hull)
 
 
 _ALONG_X = np.array([1.0, 0.0, 0.0])
-
-
-def _across(hull: Hull) -> Array:
-    if len(hull.vertices) < 2 or hull.solid:
-        return _ALONG_X
-    return np.asarray(principal_axes(hull.vertices)[2])
 
 
 _EMPTY = _solids(())

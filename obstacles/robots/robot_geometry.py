@@ -369,12 +369,9 @@ def _allowed(
         allowed |= dict.fromkeys(always_touching(bare, allowed), "always")
         for pair in () if semantics is None else semantics.enabled_collisions:
             allowed.pop(pair, None)
-    return allowed | dict.fromkeys(_same_body(bare), "same body")
-
-
-def _same_body(bare: RobotGeometry) -> set[Pair]:
     joint = dict(zip(bare.links, bare.joints, strict=True))
-    return {sorted_pair(a, b) for a, b in combinations(bare.names, 2) if joint[a] == joint[b]}
+    fixed = (sorted_pair(a, b) for a, b in combinations(bare.names, 2) if joint[a] == joint[b])
+    return allowed | dict.fromkeys(fixed, "same body")
 
 
 def _adjacent(bare: RobotGeometry, parents: Mapping[str, str]) -> set[Pair]:

@@ -216,7 +216,8 @@ def mount(robot: RobotGeometry, tool: Tool, tcp: str | None = None) -> RobotGeom
         InvalidScene: A solid has no place.
     """
     tip = tool.part(tool.tip(tcp))
-    carrier = _carrier(robot.chain, tool)
+    chain = robot.chain
+    carrier = _moving(chain, chain.link(tool.link or chain.tip_link), f"tool {tool.name!r}")
     T = carrier.T_joint_link
 
     def link(name: str, T_tool_part: Array, inertia: Inertia | None = None) -> Link:
@@ -286,10 +287,6 @@ def parts_of(name: str, names: Iterable[str]) -> list[str]:
         names: Names of the links that have solids.
     """
     return [name, *(other for other in names if other.startswith(name + PART))]
-
-
-def _carrier(chain: Chain, tool: Tool) -> Link:
-    return _moving(chain, chain.link(tool.link or chain.tip_link), f"tool {tool.name!r}")
 
 
 def _moving(chain: Chain, link: Link, what: str) -> Link:

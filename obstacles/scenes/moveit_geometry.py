@@ -130,24 +130,6 @@ def _shape(reader: "_Reader", name: str) -> Shape:
         return _SHAPES[kind](reader)
 
 
-def _box(reader: "_Reader") -> Shape:
-    return Box(reader.numbers(3, "the size of a box"))
-
-
-def _sphere(reader: "_Reader") -> Shape:
-    return Sphere(reader.numbers(1, "the radius of a sphere")[0])
-
-
-def _cylinder(reader: "_Reader") -> Shape:
-    radius, height = reader.numbers(2, "radius and length of a cylinder")
-    return Cylinder(radius=radius, height=height)
-
-
-def _cone(reader: "_Reader") -> Shape:
-    radius, height = reader.numbers(2, "radius and length of a cone")
-    return Cone(radius=radius, height=height)
-
-
 def _plane(reader: "_Reader") -> Shape:
     *normal, d = reader.numbers(4, "the coefficients of a plane")
     return HalfSpace(np.array(normal), -d)
@@ -164,10 +146,10 @@ def _mesh(reader: "_Reader") -> Shape:
 
 
 _SHAPES: Mapping[str, Callable[["_Reader"], Shape]] = {
-    "box": _box,
-    "sphere": _sphere,
-    "cylinder": _cylinder,
-    "cone": _cone,
+    "box": lambda reader: Box(reader.numbers(3, "the size of a box")),
+    "sphere": lambda reader: Sphere(*reader.numbers(1, "the radius of a sphere")),
+    "cylinder": lambda reader: Cylinder(*reader.numbers(2, "radius and length of a cylinder")),
+    "cone": lambda reader: Cone(*reader.numbers(2, "radius and length of a cone")),
     "plane": _plane,
     "mesh": _mesh,
 }

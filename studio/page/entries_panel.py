@@ -47,7 +47,7 @@ class EntriesPanel:
         add.on_click(lambda _: self._run(partial(self._add, kind.value)))
         self._text = Text(gui)
         self._choice = gui.add_dropdown(f"Edit {word}", [_NONE])
-        on_user_update(self._choice, lambda label: self._run(partial(self._choose, label)))
+        on_user_update(self._choice, lambda label: self._run(lambda: self.choose(number_in(label))))
         order = gui.add_button_group(f"This {word}", ["earlier", "later", "remove"])
         order.on_click(lambda event: self._run(partial(self._order, event.target.value)))
         self._container = gui.add_folder(f"Fields of the {word}")
@@ -111,9 +111,6 @@ class EntriesPanel:
         entries = self._read()
         self._write((*entries, self._make(kind)), None)
         self._chosen = len(entries)
-
-    def _choose(self, label: str) -> None:
-        self._chosen = number_in(label)
 
     def _order(self, word: str) -> None:
         chosen = self.chosen

@@ -196,7 +196,7 @@ class GoalPanel:
         self._page = page
         gui = page.server.gui
         with gui.add_folder("Goal pose"):
-            self._pose = PoseFields(gui, page.units, Pose.at(0.0, 0.0, 0.0), self._take_typed)
+            self._pose = PoseFields(gui, page.units, Pose.at(0.0, 0.0, 0.0), self._move)
             self._text = Text(gui, "Drag the frame at the tip, or type a pose.")
             self._choice = gui.add_dropdown("Take branch", ["–"])
         on_user_update(self._choice, self._take_branch)
@@ -230,9 +230,6 @@ class GoalPanel:
         if labels != tuple(self._choice.options):
             self._choice.options = labels
 
-    def _take_typed(self, pose: Pose) -> None:
-        self._move(pose, ended=True)
-
     def _take_branch(self, label: str) -> None:
         number = label.partition(" ")[0]
         if not number.isdigit():
@@ -240,7 +237,7 @@ class GoalPanel:
 
         self._page.run("branch", lambda: self._page.workbench.choose_branch(int(number)))
 
-    def _move(self, pose: Pose, *, ended: bool) -> None:
+    def _move(self, pose: Pose, *, ended: bool = True) -> None:
         page = self._page
 
         def command() -> None:

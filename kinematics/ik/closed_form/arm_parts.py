@@ -364,7 +364,8 @@ def out_of_reach(
     if shape is None or shape is ArmShape.WRIST_ALONE:
         return None
     home = lines(chain, np.zeros((1, chain.n)), link)
-    T = np.asarray(target) @ _home_inverse(chain, link)
+    # Takes points of the last body at q = 0 into the link's frame.
+    T = np.asarray(target) @ np.linalg.inv(forward(chain, np.zeros(chain.n), link))
     if set(axes) != set(AXES):
         return _of_positions(shape, home, np.asarray(target, dtype=np.float64), T, axes)
     if shape in _SHOULDER_PLANE:
@@ -391,11 +392,6 @@ def _of_positions(
     # The one axis that does not count must be across the plane of the arm.
     is_normal = float(np.linalg.norm(cross(target[:3, free[0]], z[0]))) <= SINGULAR
     return _in_plane(home, T, is_flat=True) if is_normal else None
-
-
-def _home_inverse(chain: Chain, link: str | None) -> Array:
-    """T_link_base at q = 0: it takes points of the last body at q = 0 into the link's frame."""
-    return np.asarray(np.linalg.inv(forward(chain, np.zeros(chain.n), link)))
 
 
 def _moved(T: Array, point: Array) -> Array:
