@@ -1,7 +1,7 @@
 """The one door to numba: `kernel` marks a function that is compiled to machine code."""
 
 from collections.abc import Callable
-from typing import Any, Literal, TypeVar, cast, overload
+from typing import Any, Literal, ParamSpec, TypeVar, cast, overload
 
 import numba
 from numba.core import config
@@ -13,6 +13,10 @@ from compiled.compiler.dispatcher import Kernel
 #: would change it with the width of a processor's vectors, and the bits of answers with it.
 _FASTMATH = {"contract": True, "ninf": True, "nnan": True, "nsz": True}
 _F = TypeVar("_F", bound=Callable[..., Any])
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+#: Kernels by what ``directly`` calls in place of them.
+_DOORS: dict[Any, Any] = {}
 
 
 @overload
@@ -83,3 +87,19 @@ def direct(function: _F, *examples: object) -> _F:
     if not isinstance(function, Kernel):  # NUMBA_DISABLE_JIT
         return function
     return cast(_F, function.compile(tuple(numba.typeof(example) for example in examples)))
+
+
+def directly(function: Callable[_P, _R], *args: _P.args, **named: _P.kwargs) -> _R:
+    """The result of a kernel called as by ``direct``; the first call's arguments are the examples.
+
+    Later arguments must have the very types of the first ones: a float is never given as an int.
+
+    Args:
+        function: the kernel.
+        args: its arguments.
+        named: none; kernels that are called so take their arguments by place.
+    """
+    door = _DOORS.get(function)
+    if door is None:
+        door = _DOORS[function] = direct(function, *args)
+    return cast(_R, door(*args, **named))

@@ -1,11 +1,8 @@
 """The pieces of a scene packed for the distance iteration, once for all who ask it."""
 
-from collections.abc import Callable
-from functools import cache
-
 import numpy as np
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import directly, kernel
 from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import array_bytes, bounded_cache
 from obstacles.convex.piece import Piece
@@ -83,16 +80,8 @@ def pack(scene: Scene, shaped: list[tuple[Piece, ...]]) -> PieceSet:
 def primitive_rows(primitives: Primitives) -> Array:
     """Rows of primitives, one each, shape (k, WIDTH)."""
     rows = np.zeros((len(primitives.kinds), WIDTH))
-    _primitive_rows()(primitives, _CORE_KINDS, rows)
+    directly(primitive_rows_kernel, primitives, _CORE_KINDS, rows)
     return rows
-
-
-@cache
-def _primitive_rows() -> Callable[[Primitives, Indices, Array], None]:
-    """``primitive_rows_kernel`` without the check of its arguments' types."""
-    numbers = np.zeros(1, dtype=np.int64)
-    some = Primitives(numbers, np.zeros((1, 3)), np.zeros((1, 4, 4)))
-    return direct(primitive_rows_kernel, some, numbers, np.zeros((1, WIDTH)))
 
 
 @kernel(allocates=False, unlocks=False)

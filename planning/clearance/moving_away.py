@@ -12,18 +12,17 @@ come too near only next to the start and to the goal.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from functools import cache
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import directly, kernel
 from compiled.linear_solve import cholesky_solve_kernel
 from compiled.simd import on_stack
 from kinematics.arrays import Array, Indices
 from kinematics.model.chain import MAX_JOINTS
-from obstacles.collision.checker import Checker, any_model
+from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import FREE
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays, at_margins
@@ -65,15 +64,8 @@ def retreat(clear: Checker, least: Checker, q: Array) -> Array | None:
         return q
     reach, away = clear.model.robot.chain.limits, np.array(q, np.float64)
     limits = np.array([reach.lower, reach.upper])
-    kept = _retreat_directly()(clear.model.arrays, look_of(clear), limits, away)
+    kept = directly(retreat_kernel, clear.model.arrays, look_of(clear), limits, away)
     return away if kept and least.free(q, away) else None
-
-
-@cache
-def _retreat_directly() -> Callable[[ModelArrays, Look, Array, Array], bool]:
-    """``retreat_kernel`` without the look at its arguments' types, which would cost too much."""
-    look = Look(0.0, 0.0, 0.0)
-    return direct(retreat_kernel, any_model(), look, np.zeros((1, 1)), np.zeros(1))
 
 
 def join_ends(clear: Checker, least: Checker, start: Array, path: Array, goal: Array) -> Array:
@@ -191,16 +183,8 @@ def keep_clear(
         np.array([reach.lower, reach.upper]),
     )  # fmt: skip
     points = np.ascontiguousarray(waypoints, np.float64)
-    answer = _keep_clear_directly()(least.model.arrays, held, points)
+    answer = directly(keep_clear_kernel, least.model.arrays, held, points)
     return waypoints if len(answer) == 0 else answer
-
-
-@cache
-def _keep_clear_directly() -> Callable[[ModelArrays, _Levels, Array], Array]:
-    """``keep_clear_kernel`` without the look at its arguments' types, which would cost too much."""
-    look, points = Look(0.0, 0.0, 0.0), np.zeros((1, 1))
-    levels = _Levels(look, look, look, 0.0, 1, points)
-    return direct(keep_clear_kernel, any_model(), levels, points)
 
 
 @kernel

@@ -15,18 +15,17 @@ it. A step is only looked at for clearance where the time alone would make it wo
 is left in the end is proved.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from enum import IntEnum
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import directly, kernel
 from compiled.random import State, uniform_kernel
 from compiled.simd import LANES
 from kinematics.arrays import Array
-from obstacles.collision.checker import Checker, any_model
+from obstacles.collision.checker import Checker
 from obstacles.collision.lanes.check import blocked_lanes
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays, at_margins
@@ -135,15 +134,7 @@ def quicken(
     looks, joints = (look_of(preferred, 0.0), look_of(least)), least.model.robot.chain.limits
     positions = np.stack([joints.lower, joints.upper])
     bounds = _Bounds(*looks, slack, limits, positions, weight)
-    return _quicken_directly()(least.model.arrays, bounds, points, spacious, proves)
-
-
-@cache
-def _quicken_directly() -> Callable[[ModelArrays, _Bounds, Array, bool, bool], Array]:
-    """``quicken_kernel`` without the look at its arguments' types, which would cost too much."""
-    look, points = Look(0.0, 0.0, 0.0), np.zeros((1, 1))
-    bounds = _Bounds(look, look, 0.0, points, points, 0.0)
-    return direct(quicken_kernel, any_model(), bounds, points, True, True)
+    return directly(quicken_kernel, least.model.arrays, bounds, points, spacious, proves)
 
 
 @kernel

@@ -4,14 +4,13 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from functools import cache
 from itertools import product
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compiled.kernel import direct
+from compiled.kernel import directly
 from kinematics.arrays import Array, frozen, numbers, typed
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
@@ -23,7 +22,6 @@ from kinematics.ik.closed_form.structure import Arm, Structure, structure
 from kinematics.ik.numeric import numeric
 from kinematics.model.chain import Chain
 from kinematics.pose import inverse
-from obstacles.collision.checker import any_model
 from obstacles.collision.fcl_distance import OverlapMeter, overlap_meter
 from obstacles.collision.model.collision_model import CollisionModel, ModelArrays
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -178,10 +176,6 @@ CHOICES: tuple[Choice, ...] = get_args(Choice)
 #: Levels of values of a redundant arm's parameter: 16, 32, 64, ... values in all; and how many more
 #: than the first are tried where none of them has a branch.
 _LEVELS, _LEVELS_OUT_OF_REACH = 7, 2
-_PLAN, _ROW = frozen(np.zeros((1, PLAN_COLUMNS))), frozen([0.0])
-#: Values of the types that all arms and settings have.
-_ARM = Arm(_PLAN, _PLAN, 0, _ROW, _ROW)
-_SETTINGS = assessment.ReachSettings(0.0, 0.0, 0, False, False)
 
 
 class Status(IntEnum):
@@ -408,11 +402,18 @@ def _by_closed_form(
 ) -> None:
     """Reach of a few poses with all their deviations (m, s, 4, 4), by every branch at values."""
     seed = middle(query.chain)
-    judge = _closed_form()
 
     def part(k: slice) -> None:
-        judge(
-            query.arm, query.parts, targets[k], seed, values, query.settings, results[k], joints[k]
+        directly(
+            kernel.closed_form_reach_kernel,
+            query.arm,
+            query.parts,
+            targets[k],
+            seed,
+            values,
+            query.settings,
+            results[k],
+            joints[k],
         )
 
     shared(part, len(targets), query.options.threads)
@@ -487,10 +488,16 @@ def _by_search(query: _Query, targets: Array, results: Array, joints: Array) -> 
         part[..., : query.chain.n] = found.joints.reshape(m, s, -1)
         part[..., query.chain.n + INSIDE] = found.solved.reshape(m, s)
 
-    judge = _searched()
-
     def share(k: slice) -> None:
-        judge(query.arm, query.parts.whole, rows[k], query.settings, results[k], joints[k])
+        directly(
+            kernel.searched_reach_kernel,
+            query.arm,
+            query.parts.whole,
+            rows[k],
+            query.settings,
+            results[k],
+            joints[k],
+        )
 
     shared(share, m, query.options.threads)
     # Several rounds find the same configuration: only whether there is one is known.
@@ -543,24 +550,4 @@ def _answer(results: Array, joints: Array, options: ReachOptions) -> Reach:
         clearance,
         figures[:, assessment.Column.LIMIT_DISTANCE],
         len(results),
-    )
-
-
-@cache
-def _closed_form() -> Any:
-    """``closed_form_reach_kernel`` without a check of its arguments' types."""
-    row, rows = np.zeros(1), np.zeros((1, 1))
-    parts = assessment.Parts(any_model(), any_model(), any_model(), row)
-    return direct(
-        kernel.closed_form_reach_kernel, _ARM, parts, np.zeros((1, 1, 4, 4)), row, row,
-        _SETTINGS, rows, rows,
-    )  # fmt: skip
-
-
-@cache
-def _searched() -> Any:
-    """``searched_reach_kernel`` likewise."""
-    rows = np.zeros((1, 1))
-    return direct(
-        kernel.searched_reach_kernel, _ARM, any_model(), rows[None], _SETTINGS, rows, rows
     )

@@ -22,18 +22,16 @@ The first planner: a straight motion in joint space, proved free or given up at 
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from compiled.kernel import direct
+from compiled.kernel import directly
 from compiled.random import State
 from kinematics.arrays import Array
-from obstacles.collision.checker import Checker, Motion, any_model
-from obstacles.collision.model.collision_model import ModelArrays
+from obstacles.collision.checker import Checker, Motion
 from planning.planner import Planner, Query
 from planning.result import Attempt
 from planning.search.trees import Draws, Growth, Tally, Trees, grow_kernel, new_trees
@@ -154,11 +152,12 @@ class TreePairs:
         checker, roots = self.checker, self.roots
         budget = min(options.budget, self.max_edges - self.edges)
         trees = new_trees(len(roots), checker.model.robot.chain.n, budget, self._random())
-        grow, draws, until = _grow_directly(), self._draws(options), 0
+        draws, until = self._draws(options), 0
         while True:
             # Edges looked at between two checks of the clock.
             until += 250
-            outcome = grow(checker.model.arrays, trees, draws, roots, budget, until)
+            arrays = checker.model.arrays
+            outcome = directly(grow_kernel, arrays, trees, draws, roots, budget, until)
             if outcome != Growth.GOING or self.deadline.passed:
                 break
         before, nodes = int(trees.tally[Tally.EDGES_BEFORE]), int(trees.tally[Tally.PATH])
@@ -189,15 +188,6 @@ class TreePairs:
         proves = self.proves and options.penetration == 0.0
         slack = float(self.checker.slack) - options.penetration
         return Draws(low, high, domain, options.step, slack, proves, *guide)
-
-
-@cache
-def _grow_directly() -> Callable[[ModelArrays, Trees, Draws, Array, int, int], int]:
-    """``grow_kernel`` without the look at its arguments' types."""
-    roots = np.zeros((2, 1))
-    trees = new_trees(2, 1, 1, np.zeros(1, np.uint64))
-    draws = Draws(roots[0], roots[0], 0.0, 0.0, 0.0, True, roots, 0.0, 0.0)
-    return direct(grow_kernel, any_model(), trees, draws, roots, 1, 1)
 
 
 #: Most requests leave the seed as it is, and making a state takes longer than some searches.

@@ -16,17 +16,15 @@ Looks at states of straight motions, which cost a fraction of a proof and mostly
 """
 
 import math
-from collections.abc import Callable
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import directly, kernel
 from compiled.simd import on_stack
 from kinematics.arrays import Array, Indices
 from kinematics.model.chain import MAX_JOINTS
-from obstacles.collision.checker import Checker, any_model
+from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import FREE
 from obstacles.collision.lanes.check import blocked_between
 from obstacles.collision.line_check import prove_line
@@ -143,19 +141,13 @@ def shortcut(
     points = np.ascontiguousarray(waypoints, np.float64)
     # Rounds after which a path counts as short.
     rounds = 6 if cuts and not deadline.passed else 0
-    return _shorten_directly()(proof.model.arrays, held, points, proves, rounds)
+    return directly(shorten_kernel, proof.model.arrays, held, points, proves, rounds)
 
 
 def path_is_free(checker: Checker, waypoints: Array) -> bool:
     """Whether every leg of a polyline, shape (k, n) [rad or m], is proved free soon enough."""
     points = np.ascontiguousarray(waypoints, np.float64)
-    return _prove_directly()(checker.model.arrays, float(checker.slack), points)
-
-
-@cache
-def _prove_directly() -> Callable[[ModelArrays, float, Array], bool]:
-    """``prove_kernel`` without the look at its arguments' types."""
-    return direct(prove_kernel, any_model(), 0.0, np.zeros((1, 1)))
+    return directly(prove_kernel, checker.model.arrays, float(checker.slack), points)
 
 
 @kernel
@@ -163,13 +155,6 @@ def prove_kernel(model: ModelArrays, slack: float, waypoints: Array) -> bool:
     """``path_is_free`` with a distance to keep beyond the model's margins [m]."""
     held = Held(Look(model.margin, model.own_margin, slack), slack, True)
     return are_proved(model, workspace(model), held, waypoints, waypoints[:0])
-
-
-@cache
-def _shorten_directly() -> Callable[[ModelArrays, Held, Array, bool, int], Array]:
-    """``shorten_kernel`` without the look at its arguments' types, which would cost too much."""
-    held = Held(Look(0.0, 0.0, 0.0), 0.0, True)
-    return direct(shorten_kernel, any_model(), held, np.zeros((1, 1)), True, 1)
 
 
 @kernel

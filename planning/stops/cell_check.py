@@ -1,17 +1,14 @@
 """Check of many cells of a family of stops by the proof's own check of an interval."""
 
-from collections.abc import Callable
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from planning.proof.collision.interval_check import check_interval
-from planning.proof.collision.pair_table import PairArrays, any_pairs
-from planning.proof.collision.sweep_state import OPEN, REFERRED, VISITS, Sweep, start_kernel
-from planning.proof.motion_bounds import JOINT_COLUMNS
+from planning.proof.collision.pair_table import PairArrays
+from planning.proof.collision.sweep_state import OPEN, REFERRED, VISITS, Sweep
 
 #: Cells after which the clearance need be only half as sharp, and again after as many.
 _SHARP_CELLS = 3_000
@@ -72,16 +69,6 @@ class CellRows(NamedTuple):
             kept=np.concatenate([self.kept, np.zeros_like(self.kept)]),
             kept_directions=np.concatenate([self.kept_directions, 0.0 * self.kept_directions]),
         )
-
-
-@cache
-def checker() -> Callable[[PairArrays, Sweep, CellRows, int], int]:
-    """``check_cells`` without the look at its arguments' types, which are many."""
-    model = any_pairs()
-    sweep = start_kernel(np.zeros(2), np.zeros((1, 1, 1)), model.roots, (1, 1, 1))
-    columns, starts = np.zeros((1, 1, JOINT_COLUMNS)), np.zeros(2, dtype=np.int64)
-    cells = CellRows.of(columns, model.roots, np.zeros((1, 3)), starts)
-    return direct(check_cells, model, sweep, cells, 1)
 
 
 @kernel(allocates=False)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compiled.kernel import directly
 from kinematics.arrays import Array, Indices
 from obstacles.distance.signed_distance import convex_distance
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -45,7 +46,7 @@ from planning.stops.cell_check import (
     NEAREST,
     NEXT,
     CellRows,
-    checker,
+    check_cells,
 )
 from planning.stops.stop_family import Cells, Enclosed, StopFamily
 from planning.values.deadline import Deadline
@@ -202,7 +203,7 @@ class _FamilySweep:
             before = int(rows.progress[LOOKED_AT])
             if self._is_over(float(times[min(rows.progress[NEXT], len(times) - 1)])):
                 return frozenset(), rows
-            state = checker()(self._table.arrays, self._sweep, rows, _CELLS_A_CALL)
+            state = directly(check_cells, self._table.arrays, self._sweep, rows, _CELLS_A_CALL)
             self._looked_at += int(rows.progress[LOOKED_AT]) - before
             if state == FULL:
                 self._sweep = enlarge(self._sweep)

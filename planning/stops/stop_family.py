@@ -5,14 +5,13 @@ acceleration at the begin (``braking``), whose intervals are those of the trajec
 """
 
 import math
-from collections.abc import Callable, Sequence
-from functools import cache
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import directly, kernel
 from kinematics.arrays import Array, Indices
 from kinematics.trajectory.trajectory import Trajectory, stay
 from planning.stops.braking import Braking, BrakingLimits
@@ -244,15 +243,8 @@ def braking_motion(
     rows = np.ascontiguousarray(state, np.float64)
     drift = np.zeros_like(rows[0]) if target is None else np.ascontiguousarray(target, np.float64)
     ends = np.inf if until is None else float(until)
-    breaks, c = _braking_kernel()(rows, np.stack(limits), drift, ends)
+    breaks, c = directly(braking_kernel, rows, np.stack(limits), drift, ends)
     return Trajectory(tuple(joint_names), breaks, c) if len(c) else stay(joint_names, rows[0])
-
-
-@cache
-def _braking_kernel() -> Callable[[Array, Array, Array, float], tuple[Array, Array]]:
-    """``braking_kernel`` without the look at its arguments' types."""
-    table = np.zeros((1, 1))
-    return direct(braking_kernel, table, table, np.zeros(1), 0.0)
 
 
 @kernel

@@ -8,17 +8,17 @@ waypoints: with more waypoints on the legs it keeps nearer to them.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import directly, kernel
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.polynomial import sample_kernel
 from kinematics.trajectory.trajectory import Trajectory, stay
-from obstacles.collision.checker import Checker, any_model
+from obstacles.collision.checker import Checker
 from obstacles.collision.lanes.check import mark_blocked
 from obstacles.collision.model.model_arrays import ModelArrays
 from planning.timing.jerk.even_corners import Pieces
@@ -299,13 +299,7 @@ def _keeps(level: Checker, motion: Trajectory | Pieces, finely: int = 1) -> bool
     # corner at a distance of 20 mm is 1 mm nearer there than 7 mm before.
     spacing = min(max(level.model.margin, 0.01), 0.04) / finely
     arrays, slack = level.model.arrays, float(level.slack)
-    return _keeps_directly()(arrays, motion.breaks, motion.coefficients, spacing, slack)
-
-
-@cache
-def _keeps_directly() -> Callable[[ModelArrays, Array, Array, float, float], bool]:
-    """``keeps_kernel`` without a check of its arguments' types."""
-    return direct(keeps_kernel, any_model(), np.zeros(1), np.zeros((1, 1, 1)), 0.0, 0.0)
+    return directly(keeps_kernel, arrays, motion.breaks, motion.coefficients, spacing, slack)
 
 
 @kernel

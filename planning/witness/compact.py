@@ -5,15 +5,13 @@ The form is defined in docs/witness.md. What is the same in many witnesses is pa
 
 import math
 import struct
-from collections.abc import Callable
-from functools import cache
 from io import BytesIO
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import directly, kernel
 from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import bounded_cache
 
@@ -74,7 +72,7 @@ def packed(value: Any) -> bytes:
         # All numbers at once: a call for each of many small tables costs the most.
         flat = np.concatenate([table for _, table in tables], dtype=np.float64)
         out, ends = np.empty(_WIDEST * len(flat), np.uint8), np.empty(len(flat) + 1, np.int64)
-        used = _writer()(flat, flat.view(np.uint8), out, ends)
+        used = directly(write_numbers, flat, flat.view(np.uint8), out, ends)
         stops = ends[np.cumsum([len(table) for _, table in tables])].tolist()
         content, begin = out[:used].tobytes(), 0
         for (k, _), stop in zip(tables, stops, strict=True):
@@ -192,13 +190,6 @@ def _count(value: int) -> bytes:
     if value < 128:
         return bytes([value])
     return bytes([128 + value % 128]) + _count(value // 128)
-
-
-@cache
-def _writer() -> Callable[[Array, Bytes, Bytes, Indices], int]:
-    one = np.zeros(1)
-    raw, counts = one.view(np.uint8), one.view(np.int64)
-    return direct(write_numbers, one, raw, raw, counts)
 
 
 @kernel

@@ -7,14 +7,13 @@ corner are tried.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from functools import cache
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import directly, kernel
 from kinematics.arrays import Array
 from kinematics.trajectory.polynomial import shift_kernel
 from kinematics.trajectory.trajectory import Trajectory
@@ -179,14 +178,8 @@ def fastest_reaches(waypoints: Array, limits: Array, largest: Array) -> Array:
         Reaches for ``blend``, shape (k - 2,).
     """
     reaches = np.zeros(len(largest))
-    _find_reaches()(np.ascontiguousarray(waypoints), limits, largest, reaches)
+    directly(corner_reaches_kernel, np.ascontiguousarray(waypoints), limits, largest, reaches)
     return reaches
-
-
-@cache
-def _find_reaches() -> Callable[[Array, Array, Array, Array], None]:
-    """``corner_reaches_kernel`` for contiguous arrays, without numba's check of their types."""
-    return direct(corner_reaches_kernel, *np.zeros((2, 3, 1)), *np.zeros((2, 1)))
 
 
 @kernel
