@@ -5,7 +5,7 @@ time; its ends are at rest. Where its velocity, acceleration or jerk exceeds a l
 made longer, elsewhere shorter, until the limits are used everywhere alike. A spline rounds corners
 by some milliradians more than the motion: whether it is free is for the proof to say.
 
-Basis functions of clamped quintic splines, for eight spans abreast.
+Basis functions of clamped quintic splines.
 
 Knots are the breaks of the spline, the first and the last six times. In span i the six functions
 that are not zero there are polynomials of the time since the span began, by de Boor's recursion
@@ -13,19 +13,17 @@ that are not zero there are polynomials of the time since the span began, by de 
     B_j,p(t) = (t - t_j) / (t_(j+p) - t_j) B_j,p-1(t)
              + (t_(j+p+1) - t) / (t_(j+p+1) - t_(j+1)) B_(j+1),p-1(t)
 
-on their coefficients ("A practical guide to splines", 1978). Vectors hold a number of eight spans.
+on their coefficients ("A practical guide to splines", 1978).
 """
 
 import math
-from collections.abc import Callable, Sequence
-from functools import cache
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from compiled.kernel import direct, kernel
-from compiled.simd import LANES, Lanes, fill, lane, load, on_stack, store
-from compiled.simd_transpose import load_rows_kernel, store_rows_kernel, transpose
+from compiled.kernel import directly, kernel
+from compiled.simd import LANES, Lanes, fill, lane, load, store
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.polynomial import sample_kernel
@@ -46,66 +44,38 @@ _FIXED = 3
 DEGREE = 5
 #: Basis functions that are not zero in a span, and coefficients of each.
 ORDER = DEGREE + 1
-#: Numbers of a table of functions by coefficients in each of eight spans.
-TABLE = ORDER * ORDER * LANES
-# Numbers of eight vectors.
-_SQUARE = LANES * LANES
 #: Numbers in a row of ``write_values``: zeros follow the functions, so that reading on is harmless.
 ROW = 2 * LANES
 
 
 @kernel(allocates=False)
-def write_bases(spans: Array, size: int, knots: Array, bases: Array) -> None:
+def write_bases(spans: Array, knots: Array, bases: Array) -> None:
     """Write the basis functions of a spline as polynomials of the time in a span.
 
     Args:
-        spans: Shape (>= size,) [s].
-        size: Number of spans N.
-        knots: Room, shape (N' + 11,), with N' the number of spans to whole vectors.
-        bases: Table for each eight spans a table, flat: vector 6 j + k is the k-th coefficient of
-            the j-th function that is not zero there. Lanes of no span hold no numbers.
+        spans: Shape (N,) [s].
+        knots: Buffer of the knots, shape (N + 11,).
+        bases: Filled at (i, j, k) with the k-th coefficient of the j-th function that is not zero
+            in span i, shape (N, 6, 6).
     """
+    size = spans.shape[0]
     knots[:ORDER] = 0.0
     for i in range(size):
         knots[ORDER + i] = knots[DEGREE + i] + spans[i]
-    for i in range(ORDER + size, knots.shape[0]):
-        knots[i] = knots[DEGREE + size]
-    for first in range(0, size, LANES):
-        at = first // LANES * TABLE
-        for entry in range(0, TABLE, LANES):
-            store(bases, at + entry, 0.0)
-        store(bases, at, 1.0)
+    knots[ORDER + size :] = knots[DEGREE + size]
+    bases[:] = 0.0
+    for i in range(size):
+        own, here = bases[i], knots[DEGREE + i]
+        own[0, 0] = 1.0
         for degree in range(1, ORDER):
-            _raise_degree(knots, first, degree, bases, at)
-
-
-@kernel(inline="code", allocates=False)
-def _raise_degree(knots: Array, first: int, degree: int, bases: Array, at: int) -> None:
-    """Make functions of one degree less into those of a degree, from the last function down."""
-    here = load(knots, first + DEGREE)
-    fall, left = fill(0.0), fill(0.0)
-    for j in range(degree, -1, -1):
-        low, rise, away = first + DEGREE - degree + j, fill(0.0), fill(0.0)
-        if j > 0:
-            begins, ends = load(knots, low), load(knots, low + degree)
-            rise, away = 1.0 / (ends - begins), here - begins
-        one, before = at + j * ORDER * LANES, at + (j - 1) * ORDER * LANES
-        for k in range(degree, -1, -1):
-            value = fill(0.0)
-            if j > 0:
-                less = fill(0.0)
-                if k > 0:
-                    less = load(bases, before + (k - 1) * LANES)
-                value = value + (less + away * load(bases, before + k * LANES)) * rise
-            if j < degree:
-                less = fill(0.0)
-                if k > 0:
-                    less = load(bases, one + (k - 1) * LANES)
-                value = value + (left * load(bases, one + k * LANES) - less) * fall
-            store(bases, one + k * LANES, value)
-        if j > 0:
-            # The part by which a function rises is the one by which the one before it falls.
-            fall, left = rise, load(knots, low + degree) - here
+            # The last function first: each takes its fall, and gives the next one its rise.
+            for j in range(degree - 1, -1, -1):
+                low, high = knots[ORDER + i + j - degree], knots[ORDER + i + j]
+                rise = 1.0 / (high - low)
+                for k in range(degree, -1, -1):
+                    less = own[j, k - 1] if k > 0 else 0.0
+                    own[j + 1, k] += rise * ((here - low) * own[j, k] + less)
+                    own[j, k] = rise * ((high - here) * own[j, k] - less)
 
 
 @kernel(allocates=False)
@@ -114,35 +84,29 @@ def write_values(bases: Array, spans: Array, shares: Array, values: Array) -> No
 
     Args:
         bases: Table of ``write_bases``.
-        spans: Spans to whole vectors, shape (N',) [s].
+        spans: Shape (N,) [s].
         shares: Places of the points in their span, in [0, 1], shape (p,).
-        values: Shape (N' p, ROW): row i p + q is of point q of span i, the last function first and
-            zeros after the first.
+        values: Shape (N p, ROW): row i p + q is of point q of span i, the last function first; what
+            follows the first function is left as it is.
     """
     count = shares.shape[0]
-    flat, rows = values.reshape(values.size), on_stack(_SQUARE)
-    store(rows, ORDER * LANES, 0.0)
-    store(rows, (ORDER + 1) * LANES, 0.0)
-    for first in range(0, spans.shape[0], LANES):
-        at, lengths = first // LANES * TABLE, load(spans, first)
+    for i in range(spans.shape[0]):
         for q in range(count):
-            place = shares[q] * lengths
+            place = shares[q] * spans[i]
             for j in range(ORDER):
-                value = fill(0.0)
+                value = 0.0
                 for k in range(DEGREE, -1, -1):
-                    value = value * place + load(bases, at + (j * ORDER + k) * LANES)
-                store(rows, (DEGREE - j) * LANES, value)
-            by_span = transpose(load_rows_kernel(rows, 0, LANES))
-            store_rows_kernel(flat, (first * count + q) * ROW, count * ROW, by_span)
+                    value = value * place + bases[i, j, k]
+                values[i * count + q, DEGREE - j] = value
 
 
 class LeastSquares(NamedTuple):
-    """Room for a fit of N spans to p points in each, N' and n' to whole vectors.
+    """Room for a fit of N spans to p points in each, n' to whole vectors.
 
     Args:
-        knots: Shape (N' + 11,).
-        bases: Shape (36 N',).
-        values: Shape (N' p, ROW).
+        knots: Shape (N + 11,).
+        bases: Shape (N, 6, 6).
+        values: Shape (N p, ROW).
         control: Control points, shape (N + 5, n').
         band: Band of the normal equations, shape (N - 1, 8).
     """
@@ -163,11 +127,10 @@ def least_squares_memory(size: int, count: int, width: int) -> LeastSquares:
         count: Points in each.
         width: Number of joints, to whole vectors.
     """
-    whole = -(-size // LANES) * LANES
     return LeastSquares(
-        np.empty(whole + 2 * DEGREE + 1),
-        np.empty(whole // LANES * TABLE),
-        np.zeros((whole * count, ROW)),
+        np.empty(size + 2 * DEGREE + 1),
+        np.empty((size, ORDER, ORDER)),
+        np.zeros((size * count, ROW)),
         np.empty((size + DEGREE, width)),
         np.empty((size + DEGREE - 2 * _FIXED, LANES)),
     )
@@ -184,13 +147,13 @@ def fit_points(
         points: Points to be near to, by span, shape (N, p, n').
         shares: Places of the points in their span, in (0, 1), shape (p,).
         ends: Positions at rest, shape (2, n').
-        spans: Spans to whole vectors, shape (N',) [s].
+        spans: Shape (N,) [s].
         pieces: Filled with coefficients of ascending powers of the time in the span, (N, 6, n').
     """
     size, width = points.shape[0], points.shape[2]
     control, bases = room.control, room.bases
     unknown = size + DEGREE - 2 * _FIXED
-    write_bases(spans, size, room.knots, bases)
+    write_bases(spans, room.knots, bases)
     write_values(bases, spans, shares, room.values)
     control[:] = 0.0
     for row in range(_FIXED):
@@ -200,13 +163,11 @@ def fit_points(
     _add_normal_equations(points, room.values, control, room.band)
     solve_banded_kernel(room.band, control[_FIXED : _FIXED + unknown], ORDER)
     for i in range(size):
-        at = i // LANES * TABLE + i % LANES
         for block in range(0, width, LANES):
             for k in range(ORDER):
                 value = fill(0.0)
                 for j in range(ORDER):
-                    weight = bases[at + (j * ORDER + k) * LANES]
-                    value = value + weight * load(control[i + j], block)
+                    value = value + bases[i, j, k] * load(control[i + j], block)
                 store(pieces[i, k], block, value)
 
 
@@ -319,18 +280,9 @@ def fit_pieces(
     """
     n, count = motion.coefficients.shape[1], len(parts) - 1
     breaks, coefficients = parts.copy(), np.empty((count, n, DEGREE + 1))
-    factor = _fit_motion()(*motion, limits, loads or no_loads(), breaks, coefficients)
+    factor = directly(fit_motion_kernel, *motion, limits, loads or no_loads(), breaks, coefficients)
     scaled = scaled_motion(joint_names, breaks, coefficients, factor)
     return ScaledTime(scaled.trajectory, factor, "quintic_spline")
-
-
-@cache
-def _fit_motion() -> Callable[[Array, Array, Array, SpanLoads, Array, Array], float]:
-    """``fit_motion_kernel`` for pieces' arrays, without numba's check of their types."""
-    breaks, coefficients = np.zeros(1), np.zeros((1, 1, 1))
-    return direct(
-        fit_motion_kernel, breaks, coefficients, np.zeros((3, 1)), no_loads(), breaks, coefficients
-    )
 
 
 @kernel
@@ -407,8 +359,7 @@ def fit_spans_kernel(
     room = least_squares_memory(size, count, width)
     trial, best = np.empty((size, ORDER, width)), np.empty((size, ORDER, width))
     excess, smooth = np.empty(size), np.empty(size)
-    lengths = np.ones(-(-size // LANES) * LANES)
-    lengths[:size] = spans
+    lengths = spans.copy()
     fastest, factor = np.inf, np.inf
     # Exponent of the excess by which a span is made longer or shorter in a round.
     space, step = span_memory(n), 0.6
@@ -428,7 +379,7 @@ def fit_spans_kernel(
             duration += lengths[i]
         if worst * duration < fastest:
             fastest, factor = worst * duration, worst
-            spans[:] = lengths[:size]
+            spans[:] = lengths
             trial, best = best, trial
         for i in range(size):
             # A span becomes shorter by this factor of its excess at most: limits hardly matter
