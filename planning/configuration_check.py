@@ -11,6 +11,7 @@ from obstacles.collision.fcl_distance import FclWorld, OverlapMeter, overlap_met
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.planner import TOUCHING
+from planning.preflight.limits import LimitViolation
 
 #: Distances above this are exact as the kernel finds them; below it FCL measures the depth [m].
 _DEPTH_BELOW = 1e-6
@@ -27,21 +28,6 @@ class Collision:
 
     pair: tuple[str, str]
     depth: float
-
-
-@dataclass(frozen=True, slots=True)
-class LimitViolation:
-    """A joint outside its position limits.
-
-    Args:
-        joint: Its name.
-        value: Its position [rad or m].
-        limit: The limit it violates [rad or m].
-    """
-
-    joint: str
-    value: float
-    limit: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,14 +124,10 @@ class ConfigurationChecker:
 
     def _limit_violations(self, q: Array) -> tuple[LimitViolation, ...]:
         chain, limits = self.robot.chain, self.robot.chain.limits
-        outside = np.flatnonzero((q < limits.lower) | (q > limits.upper))
+        inside = np.clip(q, limits.lower, limits.upper)
         return tuple(
-            LimitViolation(
-                chain.joint_names[j],
-                float(q[j]),
-                float(limits.lower[j] if q[j] < limits.lower[j] else limits.upper[j]),
-            )
-            for j in map(int, outside)
+            LimitViolation(chain.joint_names[j], float(q[j]), float(inside[j]))
+            for j in np.flatnonzero(inside != q).tolist()
         )
 
 

@@ -16,24 +16,27 @@ ROUNDED = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class LimitViolation:
-    """The joint that is farthest outside its limits.
+    """A joint outside its position limits.
 
     Args:
         joint: Name of the joint.
-        value: Where it is [rad or m].
-        limit: The limit that it is beyond [rad or m].
-        excess: How far beyond [rad or m].
+        value: Position of the joint [rad or m].
+        limit: Limit that the joint violates [rad or m].
     """
 
     joint: str
     value: float
     limit: float
-    excess: float
+
+    @property
+    def excess(self) -> float:
+        """Distance of the joint from its limit [rad or m]."""
+        return abs(self.limit - self.value)
 
     @property
     def details(self) -> dict[str, Any]:
         """The violation as values a program can use."""
-        return asdict(self)
+        return asdict(self) | {"excess": self.excess}
 
 
 def snap_to_limits(
@@ -63,7 +66,7 @@ def snap_to_limits(
     j = int(np.argmax(np.where(outside > hardly, outside, 0.0)))
     if outside[j] <= hardly[j]:
         return inside, None
-    return q, LimitViolation(chain.joint_names[j], float(q[j]), float(inside[j]), float(outside[j]))
+    return q, LimitViolation(chain.joint_names[j], float(q[j]), float(inside[j]))
 
 
 def goal_onto_limits(
