@@ -8,11 +8,11 @@ from typing import ClassVar, NamedTuple
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from planning.timing.jerk.jerk_limited import time_path_with_jerk
-from planning.timing.options import TOPPRA_SOLVERS, Method, Solver, TimingFailed
+from planning.timing.options import TOPPRA_SOLVERS, Method, Solver
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import effort_rows, slow_down
 from planning.timing.speed.minimum_time import time_path
-from planning.timing.time_scaling import ScaledTime
+from planning.timing.time_scaling import ScaledTime, slowed_at_ends
 from planning.values.limits import EffortLimits
 
 _SLOWED = "toppra's answer was slowed down"
@@ -185,31 +185,14 @@ class JerkLimited(TimingMethod):
     ) -> ScaledTime:
         """See ``TimingMethod.time``."""
         assert limits.jerk is not None
-        effort, factor = limits.effort, 1.0
-        # Slowing down changes the speeds at the ends: they are asked for that much higher.
-        for _ in range(8):
-            dilated = time_path_with_jerk(
-                path,
-                joint_names,
-                limits.velocity,
-                limits.acceleration,
-                limits.jerk,
-                end_speeds=(end_speeds[0] * factor, end_speeds[1] * factor),
-                extra=None if effort is None else effort_rows(effort),
-            )
-            if effort is None:
-                return dilated
-            slowed = slow_down(effort, dilated)
-            needed = slowed.factor / dilated.factor
-            if not any(end_speeds) or needed == factor:
-                return slowed
-            if needed < factor:
-                return ScaledTime(dilated.trajectory.dilate(factor), dilated.factor * factor)
-            # Slowed down by this part more than was needed, so that the next trial needs no more.
-            factor = needed * (1.0 + 1e-6)
-        raise TimingFailed(
-            "the boundary velocities can't be kept within the torque and tool speed limits",
-            hint="Give lower boundary velocities, or higher limits.",
+        bounds, effort = (limits.velocity, limits.acceleration, limits.jerk), limits.effort
+        extra = None if effort is None else effort_rows(effort)
+        return slowed_at_ends(
+            lambda speeds: time_path_with_jerk(
+                path, joint_names, *bounds, end_speeds=speeds, extra=extra
+            ),
+            lambda made: made if effort is None else slow_down(effort, made),
+            end_speeds,
         )
 
 

@@ -7,7 +7,7 @@ or its Bernstein coefficients, are within what is known to be the worst of all j
 others cost roots.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -201,6 +201,46 @@ def with_duration(scaled: ScaledTime, duration: float | None, at_least: bool) ->
     slower = motion.dilate(duration / motion.duration)
     breaks = np.append(slower.breaks[:-1], duration)
     return scaled._replace(trajectory=Trajectory(motion.joint_names, breaks, slower.coefficients))
+
+
+def slowed_at_ends(
+    make: Callable[[tuple[float, float]], ScaledTime],
+    slow: Callable[[ScaledTime], ScaledTime],
+    end_speeds: tuple[float, float],
+) -> ScaledTime:
+    """A motion that meets the speeds at its ends after it was slowed down.
+
+    Slowing down changes the speeds at the ends: they are asked for that much higher.
+
+    Args:
+        make: Maker of a motion with speeds at its ends.
+        slow: Function that slows a motion down as far as it has to be.
+        end_speeds: ds/dt at the start and at the end.
+
+    Raises:
+        TimingFailed: The speeds can't be kept.
+    """
+    factor = 1.0
+    # How often an answer that has to be slowed down is asked for with higher speeds at its ends.
+    for _ in range(8):
+        made = make((end_speeds[0] * factor, end_speeds[1] * factor))
+        slowed = slow(made)
+        needed = slowed.factor / made.factor
+        if needed == factor or not any(end_speeds):
+            return slowed
+        if needed < factor:
+            return ScaledTime(made.trajectory.dilate(factor), made.factor * factor)
+        # Slowed down by this part more than was needed, so that the next trial needs no more.
+        factor = needed * (1.0 + 1e-6)
+    raise end_speed_failure()
+
+
+def end_speed_failure() -> TimingFailed:
+    """The failure of speeds at the ends that can't be kept."""
+    return TimingFailed(
+        "the boundary velocities can't be kept within all limits",
+        hint="Give lower boundary velocities, or higher limits.",
+    )
 
 
 def scaled_motion(

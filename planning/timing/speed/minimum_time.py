@@ -31,7 +31,13 @@ from planning.timing.options import Solver, TimingFailed
 from planning.timing.path.path import JointPath, composed_pieces
 from planning.timing.speed.constraints import Cells, cells, guards
 from planning.timing.speed.effort_limits import slow_down, with_effort_rows
-from planning.timing.time_scaling import ScaledTime, checked_limits, dilate
+from planning.timing.time_scaling import (
+    ScaledTime,
+    checked_limits,
+    dilate,
+    end_speed_failure,
+    slowed_at_ends,
+)
 from planning.values.limits import EffortLimits
 
 
@@ -317,10 +323,16 @@ def time_path(
         )
     problem = SpeedProblem(path, aims, resolution, end_speeds, loads)
     solve = _speed_solver(solver)
-    if any(end_speeds):
-        return _slowed_at_given_ends(problem, solve, joint_names, limits)
-    scaled = dilate(_motion(problem, solve, joint_names), *limits)
-    return scaled if loads is None else slow_down(loads, scaled)
+
+    def make(speeds: tuple[float, float]) -> ScaledTime:
+        asked = problem._replace(end_speeds=speeds)
+        return ScaledTime(_motion(asked, solve, joint_names), 1.0)
+
+    def slow(made: ScaledTime) -> ScaledTime:
+        scaled = dilate(made.trajectory, *limits)
+        return scaled if loads is None else slow_down(loads, scaled)
+
+    return slowed_at_ends(make, slow, end_speeds)
 
 
 def _motion(problem: SpeedProblem, solve: SpeedSolver, joint_names: Sequence[str]) -> Trajectory:
@@ -335,28 +347,6 @@ def _motion(problem: SpeedProblem, solve: SpeedSolver, joint_names: Sequence[str
             hint="Look for limits or lengths of very different sizes.",
         )
     return Trajectory(tuple(joint_names), breaks, coefficients)
-
-
-def _slowed_at_given_ends(
-    problem: SpeedProblem, solve: SpeedSolver, joint_names: Sequence[str], limits: Array
-) -> ScaledTime:
-    """A motion that meets the speeds at its ends after it was slowed down.
-
-    Slowing down changes the speeds at the ends: they are asked for that much higher.
-    """
-    start, end = problem.end_speeds
-    factor = 1.0
-    # How often an answer that has to be slowed down is asked for with higher speeds at its ends.
-    for _ in range(8):
-        asked = problem._replace(end_speeds=(start * factor, end * factor))
-        motion = _motion(asked, solve, joint_names)
-        scaled = dilate(motion, *limits)
-        slowed = scaled if problem.effort is None else slow_down(problem.effort, scaled)
-        if slowed.factor <= factor:
-            return ScaledTime(motion.dilate(factor), factor) if factor > 1.0 else slowed
-        # Slowed down by this part more than was needed, so that the next trial needs no more.
-        factor = slowed.factor * (1.0 + 1e-6)
-    raise _end_speed_failure()
 
 
 def _by_reachability(problem: SpeedProblem) -> tuple[Cells, Array]:
@@ -413,14 +403,7 @@ def with_end_speeds(grid: Cells, end_speeds: tuple[float, float]) -> Cells:
 def _check_ends(squares: Array, end_speeds: tuple[float, float]) -> None:
     for square, speed in zip(squares[[0, -1]], end_speeds, strict=True):
         if speed > 0.0 and square < speed**2 * (1.0 - _SAME_SPEED):
-            raise _end_speed_failure()
-
-
-def _end_speed_failure() -> TimingFailed:
-    return TimingFailed(
-        "the boundary velocities can't be kept within all limits",
-        hint="Give lower boundary velocities, or higher limits.",
-    )
+            raise end_speed_failure()
 
 
 def _speed_solver(name: Solver) -> SpeedSolver:
