@@ -21,15 +21,13 @@ from planning.guard.proposals import AT_REST, Proposal
 from planning.proof.certificate import Certificate
 from planning.proof.limits.limit_uses import Violation
 from planning.proof.limits.limits import QUANTITIES
-from planning.stops.certificate import StopCertificate, Surroundings, check_kind
+from planning.stops.certificate import StopCertificate, Surroundings, check_kind, state_jumps
 from planning.stops.family_proof import Worst, prove_family
 from planning.stops.stop_family import StopFamily, braking_motion, state_at
 from planning.timing.jerk.state_to_state import JointState
 from planning.values.limits import RATIO_TOLERANCE, MotionLimits, position_excess
 from planning.values.preferences import StopKinds
 
-#: A proposal that begins no farther than this from the state begins there [rad or m, and rates].
-_SAME_STATE = 1e-6
 #: Scales tried where limits alone do not name one.
 _SCALES = (0.75, 0.5, 0.25, 0.1)
 #: Ends of a prefix that are looked at, and those of them that are proved at most.
@@ -410,15 +408,7 @@ class _Attempt:
             faults.append(Violation("position", 0.0, message, details))
         # Where a jerk is named the acceleration may not jump either.
         named = np.isfinite(self._around.limits.bounds.get("jerk", np.inf)).any()
-        orders = QUANTITIES[: 3 if named else 2]
-        for order, name in enumerate(orders):
-            jump = np.abs(state_at(motion, 0.0)[order] - self._begun[order])
-            if jump.max() > _SAME_STATE:
-                j = int(jump.argmax())
-                message = f"the {name} of joint {names[j]!r} jumps by {jump[j]:.6g} at the begin"
-                details = {"quantity": name, "joint": names[j], "jump": float(jump[j])}
-                faults.append(Violation("start", 0.0, message, details))
-        return faults
+        return faults + state_jumps(motion, self._begun[: 3 if named else 2], "at the begin")
 
     def _rest(self, motion: Trajectory) -> Trajectory:
         """The stop behind a motion: every joint braking at its end."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Limits
 from kinematics.trajectory.trajectory import Trajectory
@@ -15,17 +16,18 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.proof.certificate import Certificate, certify
 from planning.proof.limits.limit_uses import Violation
+from planning.proof.limits.limits import QUANTITIES
 from planning.stops.braking import BrakingLimits
 from planning.stops.family_proof import Worst, prove_family
 from planning.stops.path_stops import path_stop, prove_path_stops
-from planning.stops.stop_family import StopFamily, joint_stop
+from planning.stops.stop_family import StopFamily, joint_stop, state_at
 from planning.values.deadline import Deadline
 from planning.values.limits import MotionLimits
 from planning.values.preferences import StopKind, StopKinds
 
 #: Parts of a motion on which the longest stop with all joints braking is bounded [s].
 _PART = 0.01
-#: A stop begins no farther than this from the state of the motion [rad or m, and rates].
+#: A motion begins in a state that it is no farther than this from [rad or m, and rates].
 _SAME_STATE = 1e-6
 
 
@@ -231,20 +233,27 @@ def stop_motion(
         raise InvalidOption(f"there is no stop of kind {kind!r}", hint="Name path or joints.")
     # A stop along the path keeps limits of velocity and acceleration; its jerk is only told.
     certificate = around.certify(motion, holds_jerk=kind == "joints", deadline=deadline)
-    return Stop(motion, _joined(trajectory, at, motion, certificate), kind, at)
+    jumps = state_jumps(motion, state_at(trajectory, at)[:2], "where braking begins")
+    if jumps:
+        certificate = replace(certificate, verified=False, violation=jumps[0])
+    return Stop(motion, certificate, kind, at)
 
 
-def _joined(
-    trajectory: Trajectory, at: float, stop: Trajectory, certificate: Certificate
-) -> Certificate:
-    """The certificate of a stop, refused where the stop does not begin in the motion's state."""
-    for order, name in enumerate(("position", "velocity")):
-        jump = np.abs(stop.sample([0.0], order) - trajectory.sample([at], order))[0]
-        if jump.max() > _SAME_STATE:
-            j = int(jump.argmax())
-            joint = trajectory.joint_names[j]
-            message = f"the {name} of joint {joint!r} jumps by {jump[j]:.6g} where braking begins"
-            details = {"quantity": name, "joint": joint, "jump": float(jump[j])}
-            fault = Violation("start", 0.0, message, details)
-            return replace(certificate, verified=False, violation=fault)
-    return certificate
+def state_jumps(motion: Trajectory, state: Array, where: str) -> list[Violation]:
+    """Jumps by which a motion does not begin in a state.
+
+    Args:
+        motion: The motion.
+        state: Position, velocity and perhaps acceleration, shape (k, n).
+        where: Words on the instant, for the message.
+    """
+    faults = list[Violation]()
+    jumps = np.abs(state_at(motion, 0.0)[: len(state)] - state)
+    for name, jump in zip(QUANTITIES, jumps, strict=False):
+        j = int(jump.argmax())
+        if jump[j] > _SAME_STATE:
+            joint, size = motion.joint_names[j], float(jump[j])
+            message = f"the {name} of joint {joint!r} jumps by {size:.6g} {where}"
+            details = {"quantity": name, "joint": joint, "jump": size}
+            faults.append(Violation("start", 0.0, message, details))
+    return faults
