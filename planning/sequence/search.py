@@ -325,14 +325,22 @@ class _Search:
         if self._options.offer is not None:
             self._options.offer(self._plan_of(best.stages, exhausted=False))
 
-    def _plan_of(self, stages: tuple[StagePlan, ...], *, exhausted: bool) -> SequencePlan:
-        """The answer that some stages are."""
+    def _plan_of(
+        self,
+        stages: tuple[StagePlan, ...],
+        *,
+        exhausted: bool,
+        failure: SequenceFailure | None = None,
+    ) -> SequencePlan:
+        """The answer that some stages are: all, or those before a failure."""
         return SequencePlan(
             stages,
             total_duration(stages),
             self._record.trials,
             tuple(self._improvements),
             exhausted=exhausted,
+            complete=failure is None,
+            failure=failure,
             deterministic=not self._deadline.interruptions.occurred,
         )
 
@@ -358,11 +366,7 @@ class _Search:
         if self._options.allow_partial and len(self._prefix) < len(self._task.stages):
             self._prove_farthest()
         if self._options.allow_partial and self._prefix:
-            duration = total_duration(self._prefix)
-            return SequencePlan(
-                self._prefix, duration, failure.trials, (), False, complete=False, failure=failure,
-                deterministic=not self._deadline.interruptions.occurred,
-            )  # fmt: skip
+            return self._plan_of(self._prefix, exhausted=False, failure=failure)
         return failure
 
     def _away_from_limits(self, best: _Best) -> tuple[StagePlan, ...]:
