@@ -397,9 +397,6 @@ class TourSearch:
         """Configurations at the two ends of each leg."""
         return list(pairwise(self.configuration(stop) for stop in self.visited()))
 
-    def _expected_time(self) -> float:
-        return sum(self.legs.time(a, b) for a, b in self._pairs())
-
     def _dwell(self) -> float:
         return sum(self.problem.goals[i].dwell for i in self.stops.goals)
 

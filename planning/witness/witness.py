@@ -260,33 +260,22 @@ def _rigid(chain: Chain) -> bool:
     return bool(np.abs(R.swapaxes(1, 2) @ R - np.eye(3)).max() <= _RIGID)
 
 
-def _transform(T: Array) -> Array:
-    return T[:3].reshape(-1)
-
-
 @bounded_cache(maxsize=8)
 def _joints(chain: Chain) -> Packed:
     """Joints, each the mover of the body of its number."""
-    own = [
-        {
-            "name": name,
-            "kind": _JOINT_KINDS[kind],
-            "parent": j - 1,
-            "transform": _transform(chain.offsets[j]),
-        }
-        for j, (name, kind) in enumerate(zip(chain.joint_names, chain.joint_types, strict=True))
-    ]
+    parents = range(-1, chain.n - 1)
+    joints = zip(chain.joint_names, chain.joint_types, parents, chain.offsets, strict=True)
     followers = [
-        {
-            "name": mimic.name,
-            "kind": _JOINT_KINDS[mimic.joint_type],
-            "parent": mimic.parent,
-            "transform": _transform(mimic.T_parent_joint),
-            "follows": [mimic.leader, float(mimic.multiplier), float(mimic.offset)],
-        }
+        _joint(mimic.name, mimic.joint_type, mimic.parent, mimic.T_parent_joint)
+        | {"follows": [mimic.leader, float(mimic.multiplier), float(mimic.offset)]}
         for mimic in chain.mimic_joints
     ]
-    return _packed(own + followers)
+    return _packed([_joint(*joint) for joint in joints] + followers)
+
+
+def _joint(name: str, kind: int, parent: int, T: Array) -> dict[str, Any]:
+    transform = T[:3].reshape(-1)
+    return {"name": name, "kind": _JOINT_KINDS[kind], "parent": parent, "transform": transform}
 
 
 def _packed(value: Any) -> Packed:
