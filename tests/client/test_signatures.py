@@ -3,7 +3,7 @@
 import importlib
 from collections.abc import AsyncIterator, Awaitable, Iterator
 from inspect import signature
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 import pytest
 
@@ -18,24 +18,10 @@ from armwright_client import (
     Plan,
     public_names,
 )
-from armwright_client.options import arm_options, plan_options
 from armwright_client.robots import robot as uploads
 from armwright_wire.base import Body
-from armwright_wire.motions import excitation, export, simulation
-from armwright_wire.plans import guard, plan, task, tour
 from armwright_wire.plans.plan import PLANNERS as ALL
 from armwright_wire.plans.plan import OmplPlanner
-from armwright_wire.robots import (
-    calibration,
-    dynamics,
-    identification,
-    kinematics,
-    lyapunov,
-    potential,
-    reach,
-    robot,
-)
-from armwright_wire.scenes import check
 from planning.pipeline.path_search import PLANNERS
 from tests.client.scripted import Scripted, problem
 
@@ -95,53 +81,55 @@ def test_a_misspelt_planner_is_found_before_it_runs() -> None:
     assert len(transport.requests) == 1
 
 
-#: Options, their request, and fields that methods take by themselves.
-OPTIONS: list[tuple[type, type[Body], set[str]]] = [
-    (plan_options.CheckOptions, check.CheckRequest, {"robot", "joints"}),
-    (plan_options.PlanOptions, plan.PlanRequest, {"robot", "start", "goal"}),
-    (plan_options.ValidateOptions, plan.ValidateRequest, {"robot", "trajectory"}),
-    (
-        plan_options.GuardOptions,
-        guard.GuardRequest,
-        {"robot", "state", "proposal", "latency", "scene_hash", "exact"},
-    ),
-    (plan_options.ExportOptions, export.ExportRequest, {"robot", "trajectory", "plan", "format"}),
-    (
-        plan_options.SimulateOptions,
-        simulation.SimulateRequest,
-        {"robot", "trajectory", "reference", "controller"},
-    ),
-    (plan_options.TaskOptions, task.TaskRequest, {"robot", "start", "stages"}),
-    (plan_options.LyapunovOptions, lyapunov.LyapunovRequest, {"A", "P", "Q", "x"}),
-    (plan_options.TourOptions, tour.TourRequest, {"robot", "goals"}),
-    (arm_options.FkOptions, kinematics.FkRequest, {"joints"}),
-    (arm_options.JacobianOptions, kinematics.JacobianRequest, {"joints"}),
-    (arm_options.IkOptions, kinematics.IkRequest, {"pose", "poses"}),
-    (arm_options.VelocityOptions, kinematics.VelocityRequest, {"joints"}),
-    (arm_options.DynamicsOptions, dynamics.DynamicsRequest, {"joints"}),
-    (arm_options.ForwardDynamicsOptions, dynamics.ForwardDynamicsRequest, {"joints"}),
-    (arm_options.WrenchOptions, dynamics.WrenchRequest, {"joints", "wrench", "torques"}),
-    (
-        arm_options.RegressorOptions,
-        dynamics.RegressorRequest,
-        {"joints", "velocities", "accelerations"},
-    ),
-    (
-        arm_options.PotentialSettings,
-        potential.PotentialRequest,
-        {"joints", "goal_joints", "scene"},
-    ),
-    (arm_options.ReachOptions, reach.ReachRequest, {"poses", "box", "format"}),
-    (arm_options.IdentifyOptions, identification.IdentifyRequest, {"logs"}),
-    (arm_options.ExcitationOptions, excitation.ExcitationRequest, set()),
-    (arm_options.CalibrateOptions, calibration.CalibrateRequest, {"joints"}),
-    (uploads.RobotOptions, robot.RobotFields, {"name"}),
-    (uploads.ArchiveOptions, robot.ArchiveFields, {"name"}),
-]
+#: Fields of requests that methods take under another name, or choose by the method.
+CHOSEN = {
+    "GuardRequest": {"state", "scene_hash", "exact"},
+    "ExportRequest": {"plan", "format"},
+    "SimulateRequest": {"reference"},
+    "ReachRequest": {"format"},
+    "RobotFields": {"name"},
+    "ArchiveFields": {"name"},
+}
+#: Options whose request has another name than theirs.
+OTHERS = {"PotentialSettings": "PotentialRequest"} | {
+    f"{name}Options": f"{name}Fields" for name in ("Robot", "Archive")
+}
 
 
-@pytest.mark.parametrize(("options", "request_", "own"), OPTIONS)
-def test_options_are_the_fields_of_a_request(
-    options: type, request_: type[Body], own: set[str]
-) -> None:
-    assert set(get_type_hints(options)) | own == set(request_.model_fields)
+def requests(kind: type[Body] = Body) -> dict[str, type[Body]]:
+    """Requests and their parts by name."""
+    found = {kind.__name__: kind}
+    for one in kind.__subclasses__():
+        found |= requests(one)
+    return found
+
+
+def options() -> dict[type, set[str]]:
+    """Options of requests, with the other parameters of the methods that take them."""
+    client = Client("http://robots")
+    found: dict[type, set[str]] = {}
+    for group in (client, client.robots):
+        for name in dir(group):
+            method = getattr(group, name)
+            if name.startswith("_") or not callable(method):
+                continue
+            others = signature(method).parameters
+            for parameter in others.values():
+                if parameter.kind == parameter.VAR_KEYWORD:
+                    (one,) = get_args(parameter.annotation)
+                    found.setdefault(get_origin(one) or one, set()).update(others)
+    return found | {one: set() for one in (uploads.RobotOptions, uploads.ArchiveOptions)}
+
+
+def test_options_are_the_fields_of_a_request() -> None:
+    known = requests()
+    compared: set[str] = set()
+    for one, parameters in options().items():
+        name = OTHERS.get(one.__name__, one.__name__.replace("Options", "Request"))
+        if name not in known:
+            continue  # options of several requests, or of a part of one
+        fields, taken = set(known[name].model_fields), set(get_type_hints(one))
+        assert taken <= fields, name
+        assert fields - taken <= parameters | CHOSEN.get(name, set()), name
+        compared.add(name)
+    assert len(compared) == 24
