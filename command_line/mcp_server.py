@@ -477,7 +477,11 @@ def kept_sentences(kept: KeptPlan) -> list[str]:
         return certificate_sentences(answer)
     parts = answer.get("stages") or answer.get("legs")
     if parts is not None:
-        return [f"{answer['duration']:.3f} s in all.", *stage_sentences(parts)]
+        duration = answer["time"] if "legs" in answer else answer["duration"]
+        left = [
+            f"Goal {one['id']} is left out: {one['message']}" for one in answer.get("unvisited", ())
+        ]
+        return [f"{duration:.3f} s in all.", *stage_sentences(parts), *left]
     if "solutions" in answer:
         return [f"{len(answer['solutions'])} configurations reach the pose."]
     return [f"valid: {answer['valid']}, clearance: {answer['clearance']}."]

@@ -205,9 +205,10 @@ def motion(path: Path) -> dict[str, Any]:
     Raises:
         ProblemError: The file is not JSON, or holds no trajectory.
     """
-    document = _answer(read_json(path))
+    document = answer_of(read_json(path))
     found = document.get("trajectory", document)
     if not isinstance(found, dict) or not {"segments", "samples"} & set(found):
+        refuse_parts(path, document)
         raise invalid_value(
             str(path),
             "it holds no trajectory",
@@ -216,24 +217,51 @@ def motion(path: Path) -> dict[str, Any]:
     return dict(found)
 
 
+def refuse_parts(path: Path, answer: Mapping[str, Any]) -> None:
+    """Refuse the answer of a task or tour where one motion is needed.
+
+    Args:
+        path: The file.
+        answer: Its content.
+
+    Raises:
+        ProblemError: It has stages or legs.
+    """
+    parts = answer.get("stages") or answer.get("legs")
+    if isinstance(parts, list) and "trajectory" not in answer:
+        raise invalid_value(
+            str(path),
+            f"it holds the {len(parts)} motions of a task or tour, not one",
+            "Each stage or leg has a trajectory with a proof of its own: give a file with one of "
+            "them. `view` and `export` take what `--whole` wrote.",
+        )
+
+
 def kept(path: Path) -> dict[str, Any] | None:
     """The task or tour of a file with its request and answer; None where the file holds none."""
     document = read_json(path)
     if document.get("operation") not in ("POST /v1/tasks", "POST /v1/tours"):
         return None
     parts = {name: document.get(name) for name in ("request", "answer")}
-    told = {n: json.loads(x) if isinstance(x, str) else x for n, x in parts.items()}
+    told: dict[str, Any] = {n: json.loads(x) if isinstance(x, str) else x for n, x in parts.items()}
+    if document.get("scene_document"):
+        scene = json.loads(document["scene_document"])
+        told["request"] = told["request"] | {"scene": {n: scene[n] for n in scene if n != "name"}}
     return {"operation": document["operation"], **told}
 
 
 def premises(path: Path) -> dict[str, Any] | None:
     """The premises that the motion of a file was proved for; None where the file does not tell."""
-    certificate = _answer(read_json(path)).get("certificate")
+    certificate = answer_of(read_json(path)).get("certificate")
     return certificate.get("premises") if isinstance(certificate, dict) else None
 
 
-def _answer(document: dict[str, Any]) -> dict[str, Any]:
-    """The answer of a kept plan or bundle; any other document itself."""
+def answer_of(document: dict[str, Any]) -> dict[str, Any]:
+    """The answer of a kept plan or bundle; any other document itself.
+
+    Args:
+        document: Content of a file.
+    """
     if "operation" not in document or not document.get("answer"):
         return document
     answer = document["answer"]

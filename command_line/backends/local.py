@@ -269,11 +269,13 @@ class LocalBackend:
             ProblemError: The request does not have the right form, or has no answer.
             ArmwrightError: The request is at fault.
         """
-        if isinstance(body.get("scene"), str):
+        named = (body["plan"]["request"] if "plan" in body else body).get("scene")
+        if isinstance(named, str):
             raise ProblemError(
                 "NOT_FOUND",
-                f"there is no scene file {body['scene']!r}",
-                hint="Give a JSON or MoveIt YAML file; names are those of a service (--url).",
+                f"there is no scene file {named!r}",
+                hint="Give a JSON or MoveIt YAML file (--scene); names are those of a service "
+                "(--url).",
             )
         return self._answer(endpoint, robot, None, body)
 

@@ -131,6 +131,8 @@ def export(
     if form == _RECORDING and request.output is None and not connection.as_json:
         raise invalid_value("--output", "a recording is no text", "Name a file: -o motion.mcap.")
     kept = values.kept(motion)
+    if kept is not None:
+        _place(kept["request"], around)
     own = {"plan": kept} if kept is not None else values.mounted(mounted) | {
         "trajectory": values.motion(motion),
         "scene": values.scene(around.scene),
@@ -157,6 +159,16 @@ def export(
         errors.print(Text(f"not covered: {sentence}", style="yellow"), soft_wrap=True)
     if not answer["proved"]:
         raise negative()
+
+
+def _place(request: dict[str, Any], around: Surroundings) -> None:
+    """Put the scene of the options into the request of a task or tour."""
+    if around.margin:
+        raise invalid_value("--margin", "stages and legs have those that they were planned with",
+                            "Leave it out.")  # fmt: skip
+    scene = values.scene(around.scene)
+    if scene is not None:
+        request["scene"] = scene
 
 
 @command

@@ -263,10 +263,12 @@ def retime(
     ] = None,
 ) -> None:
     """Time a path of waypoints within the robot's limits; collisions are not looked at."""
-    document = read_json(path) if path.suffix == ".json" or str(path) == STANDARD_INPUT else {}
+    is_json = path.suffix == ".json" or str(path) == STANDARD_INPUT
+    document = values.answer_of(read_json(path)) if is_json else {}
     waypoints = {"joints": document["path"]["joints"]} if "path" in document else document
     notes: Sequence[str] = ()
     if "joints" not in waypoints:
+        values.refuse_parts(path, document)
         found = values.recording(path, robot_model(connection, robot), recorded)
         waypoints, notes = {"joints": found.positions}, found.notes
     if timed.tolerance is not None:

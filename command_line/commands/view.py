@@ -128,7 +128,8 @@ def _plan(
         return document | {"request": request}, None
     trajectory = document.get("trajectory", document)
     if "segments" not in trajectory:
-        raise invalid_value("FILE|ID", "the file holds neither a plan nor a trajectory")
+        raise invalid_value("FILE|ID", "the file holds neither a plan nor a trajectory",
+                            "Of a task or tour give the file that `--whole` wrote.")  # fmt: skip
     motion = {name: trajectory[name] for name in ("joint_names", "segments") if name in trajectory}
     request = {"robot": robot, "trajectory": motion}
     request |= {} if surroundings is None else {"scene": surroundings}

@@ -5,13 +5,17 @@ import json
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import armwright as aw
 from command_line import robot_files
 from kinematics.robots import builtin_urdf
+from service.endpoints.ik.task import ik
+from service.storage.caches.cache_key import builtin_reference
 from tests.command_line.commands import Run
 
 HOME = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
@@ -49,6 +53,19 @@ def test_ik_reaches_the_pose_that_fk_tells(run: Run, tmp_path: Path) -> None:
         np.testing.assert_allclose(reached["position"], pose["position"], atol=1e-6)
     assert len(solutions) > 1, "an arm of this kind has several branches"
     assert "Solutions, best first" in run("ik", "ur5e", "--pose", numbers).out
+
+
+def test_branches_have_the_names_that_the_service_and_the_library_give(run: Run) -> None:
+    pose = run("fk", "ur5e", "-q", "0.3,-1.2,1.4,-0.5,0.8,0.1", "--json").json["pose"]
+    words = ("ik", "ur5e", "--pose", json.dumps(pose), "--all", "--count", "64")
+    asked = json.dumps({"pose": pose, "all_solutions": True, "max_solutions": 64}).encode()
+    answer: Any = ik(builtin_reference("ur5e"), None, asked)
+    told = {one["branch"] for one in json.loads(answer)["solutions"]}
+    assert len(told) == 8
+    assert {one["branch"] for one in run(*words, "--json").json["solutions"]} == told
+    assert all(name in run(*words).out for name in told)
+    T = aw.pose(pose["position"], pose["quaternion_xyzw"])
+    assert {one.branch for one in aw.ik(aw.load_robot("ur5e"), T).solutions} == told
 
 
 def test_seed_and_scene_change_the_answer(run: Run, tmp_path: Path) -> None:

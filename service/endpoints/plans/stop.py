@@ -86,8 +86,9 @@ def _motion(
         around = surroundings(problem, options)
     else:
         raise InvalidOption(
-            "this kept plan has no single motion that could be stopped",
-            hint="Ask for a plan or proof that was answered.",
+            f"{operation}: this kept plan has no single motion that could be stopped",
+            hint="Ask for a plan or proof that was answered. Of a task or tour send the trajectory "
+            'of a stage or leg to /v1/validate with "keep": true.',
         )
     kept = (answer.get("certificate") or answer).get("premises") or {}
     margin = max(around.margin, float(kept.get("margin") or 0.0))
