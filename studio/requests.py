@@ -284,7 +284,7 @@ def plan(client: Client, state: StudioState, kind: str) -> Outcome:
 
 ShapeKind = Literal["box", "sphere", "cylinder"]
 #: Edge, diameter and height of a new obstacle [m]: a box that a gripper holds.
-_SIZE = 0.1
+NEW_SIZE = 0.1
 #: Endings of planning scenes of MoveIt.
 MOVEIT = ("yaml", "yml", "scene")
 #: A mesh that is larger than this was meant in millimetres [m].
@@ -297,7 +297,7 @@ _SHAPES: dict[str, Any] = {
 
 
 def new_obstacle(
-    kind: ShapeKind, obstacle_id: str, position: tuple[float, float, float]
+    kind: ShapeKind, obstacle_id: str, position: tuple[float, float, float], size: float = NEW_SIZE
 ) -> Obstacle:
     """A new obstacle of the usual size.
 
@@ -305,11 +305,12 @@ def new_obstacle(
         kind: Kind of the shape.
         obstacle_id: Id of the obstacle.
         position: Position of the centre in the root frame [m].
+        size: Edge, diameter and height [m].
     """
     shapes: dict[ShapeKind, Shape] = {
-        "box": Box(size=[_SIZE, _SIZE, _SIZE]),
-        "sphere": Sphere(radius=0.5 * _SIZE),
-        "cylinder": Cylinder(radius=0.5 * _SIZE, height=_SIZE),
+        "box": Box(size=[size, size, size]),
+        "sphere": Sphere(radius=0.5 * size),
+        "cylinder": Cylinder(radius=0.5 * size, height=size),
     }
     return Obstacle(id=obstacle_id, shape=shapes[kind], pose=Pose.at(*position))
 

@@ -31,6 +31,7 @@ from studio.export import ExportFile, export_file
 from studio.pose import stays_in
 from studio.requests import (
     MOVEIT,
+    NEW_SIZE,
     ShapeKind,
     attempt,
     ik_request,
@@ -51,6 +52,7 @@ from studio.settings_form import (
     tour_fields,
     waypoint_form,
 )
+from studio.stages import pick_stages, place_stages
 from studio.state import (
     Branch,
     Entries,
@@ -68,6 +70,8 @@ from studio.state import (
 
 #: Where new obstacles appear [m]: before most arms, within their reach.
 _NEW_PLACE = (0.4, 0.3, 0.3)
+#: Part of the jaws' opening that a new obstacle takes.
+_HELD = 0.8
 #: Joints without limits are drawn between these positions [rad or m].
 _FREE_RANGE = 3.141592653589793
 #: URDF knows no accelerations: without a rule no uploaded robot could be planned for.
@@ -203,7 +207,8 @@ class Workbench:
                 one with each configuration [rad or m].
         """
         at = dict(self.state.fingers if fingers is None else fingers) or None
-        return self.client.robots.fk_batch(self.state.robot, rows, fingers=at).links
+        state = self.state
+        return self.client.robots.fk_batch(state.robot, rows, fingers=at, tool=state.tool).links
 
     def joint_ranges(self) -> list[tuple[float, float]]:
         """Range of each joint's slider [rad or m]."""
@@ -275,12 +280,12 @@ class Workbench:
     # -------------------------------------------------------------------------------- scene
 
     def add_obstacle(self, kind: ShapeKind) -> Obstacle:
-        """Add an obstacle of the usual size before the robot.
+        """Add an obstacle before the robot, of a size that the jaws of a mounted tool can hold.
 
         Args:
             kind: Kind of the shape.
         """
-        obstacle = new_obstacle(kind, self.state.free_id(kind), _NEW_PLACE)
+        obstacle = new_obstacle(kind, self.state.free_id(kind), _NEW_PLACE, self._new_size())
         self._change(self.state.with_obstacle(obstacle))
         return obstacle
 
@@ -365,6 +370,31 @@ class Workbench:
         options = with_option(getattr(self.state, f"{which}_options"), name, value)
         changes: dict[str, Any] = {f"{which}_options": options}
         self._change(replace(self.state, **changes), f"{which} {name}")
+
+    def add_pick_and_place(
+        self, obstacle: Obstacle, *, pick: bool = True, place: bool = True
+    ) -> None:
+        """Add the stages that pick an object, and those that place it at the goal.
+
+        Args:
+            obstacle: The object.
+            pick: Whether to add those of the pick.
+            place: Whether to add those of the place.
+        """
+        stages = self.state.stages
+        if pick:
+            stages += pick_stages(obstacle, self.gripper_links(), self.tool_grasps())
+        if place:
+            stages += place_stages(obstacle, self.goal_tip())
+        self.set_entries("stages", stages)
+
+    def _new_size(self) -> float:
+        """Size of a new obstacle [m]: at most a part of the opening of a mounted tool's jaws."""
+        if self.state.tool is None:
+            return NEW_SIZE
+        tool = self.client.tools.get(self.state.tool)
+        opening = tool.opening[1] if tool.opening else getattr(tool.form, "opening", 2.0 * NEW_SIZE)
+        return min(NEW_SIZE, _HELD * opening)
 
     def tool_grasps(self) -> str | None:
         """Kind of grasps that the mounted tool has of an object's shape; None without a tool."""

@@ -10,7 +10,7 @@ from studio.page.entries_panel import EntriesPanel, FieldsPanel
 from studio.page.panel import Page, Text, put_value
 from studio.page.play_panel import PlayPanel
 from studio.settings_form import FormField
-from studio.stages import aimed, goal_entry, new_stage, pick_stages, place_stages, pose_entry
+from studio.stages import aimed, goal_entry, new_stage, pose_entry
 from studio.state import Failure, Outcome, Planned, TaskPlanned, TourPlanned, compare
 from studio.workbench import Kind
 
@@ -173,14 +173,9 @@ class TaskPanel(_Panel):
 
     def _add_ready(self, word: str) -> None:
         workbench = self._page.workbench
-        obstacle = self._chosen_object()
-        stages = workbench.state.stages
-        if word != "place at goal":
-            links, grasps = workbench.gripper_links(), workbench.tool_grasps()
-            stages = (*stages, *pick_stages(obstacle, links, grasps))
-        if word != "pick":
-            stages = (*stages, *place_stages(obstacle, workbench.goal_tip()))
-        workbench.set_entries("stages", stages)
+        workbench.add_pick_and_place(
+            self._chosen_object(), pick=word != "place at goal", place=word != "pick"
+        )
 
     def _aim(self) -> None:
         workbench, number = self._page.workbench, self._stages.chosen

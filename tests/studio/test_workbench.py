@@ -12,6 +12,8 @@ import pytest
 import trimesh
 
 from armwright_client import Box, Mesh, NotFound, Pose
+from benchmarks.arms import UPLOADS
+from benchmarks.problems.example_arms import archive
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from studio.code import ik_code, plan_code
@@ -255,6 +257,27 @@ def test_a_task_is_edited_planned_and_played(workbench: Workbench) -> None:
     assert "/v1/tasks" in curl
     workbench.undo()
     assert workbench.state.stages == ()
+
+
+def test_a_public_arm_as_it_lies_picks_and_places_in_six_steps(workbench: Workbench) -> None:
+    steps = (
+        lambda: workbench.upload_robot("six_steps.zip", archive(UPLOADS["UR10"][0])),
+        lambda: workbench.mount("parallel_jaw"),
+        lambda: workbench.add_obstacle("box"),
+        lambda: workbench.move_goal(Pose.from_rpy([0.5, -0.4, 0.3], np.pi, 0.0, 0.0)),
+        lambda: workbench.add_pick_and_place(workbench.state.obstacles[-1]),
+        lambda: workbench.plan("task"),
+    )
+    *_, outcome = [step() for step in steps]
+    assert len(steps) <= 6
+    assert isinstance(outcome, TaskPlanned), outcome
+    assert all(stage.certificate.verified for stage in outcome.plan.stages)
+    (box,) = workbench.state.obstacles
+    opening = workbench.client.tools.get("parallel_jaw").form.opening  # type: ignore[union-attr]
+    assert list(box.shape.size) == [0.8 * opening] * 3  # type: ignore[union-attr]
+    held = task_frames(workbench, outcome).carried[box.id].positions
+    np.testing.assert_allclose(held[0], box.pose.position, atol=1e-9)
+    np.testing.assert_allclose(held[-1], [0.5, -0.4, 0.3], atol=2e-3)
 
 
 def test_stages_and_constraints_that_do_not_fit_are_failures_in_words(
