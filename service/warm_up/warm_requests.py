@@ -14,12 +14,12 @@ import numpy as np
 import scipy.interpolate
 import scipy.signal
 
-import planning.optimize.scp
 from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
 from obstacles.collision.kept_robot import kept_solids
 from obstacles.kept_files import keep_files_in, written_files
 from obstacles.scenes.scene import Scene
+from planning.optimize import scp
 from planning.values.deadline import Deadline
 from service.endpoints.check import task as check_tasks
 from service.endpoints.ik import task as inverse_kinematics
@@ -34,7 +34,7 @@ from service.workers import current
 from service.workers.result import PlanOutcome
 
 #: Modules that others import where they first need them: in workers nothing waits for that.
-_LOADED = (scipy.interpolate, scipy.signal, planning.optimize.scp)
+_LOADED = (scipy.interpolate, scipy.signal, scp)
 _START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 _GOAL = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
 _TIMEOUT = 60.0

@@ -123,7 +123,7 @@ def test_a_tool_leads_its_tip(run: Run, tmp_path: Path) -> None:
     found = run("ik", "ur5e", "--pose", pose, *spindle, "--json").json["solutions"]
     assert any(np.allclose(np.exp(1j * np.array(one["joints"])), 1.0, atol=1e-6) for one in found)
     assert (
-        "no built-in tool and no tool file 'drill'"
+        "no built-in tool, none of the robot and no tool file 'drill'"
         in run("fk", "ur5e", "-q", "0,0,0,0,0,0", "--tool", "drill").err
     )
 
