@@ -64,7 +64,7 @@ def test_numbers_and_names_of_the_table_are_those_of_the_code() -> None:
     assert ROWS["Tracking"].startswith("five controllers")
     assert len(get_args(get_args(Controller)[0])) == COUNTS["five"]
     exported = {"ROS 2": "joint_trajectory", "CSV": "csv", "URScript": "urscript", "RAPID": "rapid"}
-    exported["KRL"] = "krl"
+    exported |= {"KRL": "krl", "EGM": "egm", "RSI": "rsi"}
     for name, begin in exported.items():
         assert name in ROWS["Timing"]
         assert any(file.value.startswith(begin) for file in ExportFormat), name
