@@ -4,7 +4,7 @@ from setuptools import setup
 
 setup(
     name="armwright_bridge",
-    version="0.3.0",
+    version="0.4.0",
     packages=["armwright_bridge"],
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/armwright_bridge"]),

@@ -29,7 +29,7 @@ class Health(Answer):
     """The state of the service."""
 
     status: str = Field(examples=["ok"], description="`ok`, or `ready` where work can be sent")
-    version: str = Field(examples=["0.3.0"], description="of the service")
+    version: str = Field(examples=["0.4.0"], description="of the service")
 
 
 class Readiness(Health):
