@@ -8,10 +8,12 @@ All names are imported when the first is used: readers of files need neither HTT
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from armwright_client.version import VERSION as __version__  # noqa: F401, N811
+from armwright_client.version import VERSION as _VERSION
 
 if TYPE_CHECKING:
     from armwright_client.public_names import *
+
+__version__ = _VERSION
 
 
 def _load(name: str) -> object:
