@@ -64,7 +64,7 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("retime", lambda c: c.retime([[0.0], [1.0]], knots=[0, 2], robot="r", timeout=3.0), "POST",
      "/v1/retime", {"path": {"joints": [[0.0], [1.0]], "knots": [0.0, 2.0]}, "robot": "r",
                     "timeout": 3.0}),
-    ("retime", lambda c: c.retime([[0.0], [1.0]], limits_at=[ours.LimitsAt(
+    ("retime", lambda c: c.retime([[0.0], [1.0]], limits_at=[ours.LimitsAt.of(
         begin=0, end=0.5, velocity=[0.1])]), "POST",
      "/v1/retime", {"path": {"joints": [[0.0], [1.0]]},
                     "limits_at": [{"from": 0.0, "to": 0.5, "velocity": [0.1]}]}),

@@ -62,7 +62,7 @@ def test_groups_and_patterns_are_pairs_of_their_links(client: httpx.Client) -> N
     assert by_name["valid"]
     assert by_request(by_name) == expected
     assert check(client, scene=inside | {"allowed_collisions": [["crate", "arm"]]})["valid"]
-    body = {
+    body: dict[str, Any] = {
         "robot": "panda", "scene": inside, "start": {"joints": DOWN},
         "stages": [{"kind": "move", "goal": {"joints": [0.05, *DOWN[1:]]}}],
     }  # fmt: skip
