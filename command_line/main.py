@@ -3,8 +3,10 @@
 Commands of the server start as quickly as before: nothing that they do not need is imported.
 """
 
+import gc
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from command_line.interrupt import INTERRUPTED, ends_quietly
 
@@ -13,6 +15,9 @@ SERVER_COMMANDS = ("serve", "agent", "warm", "keys", "audit")
 
 #: Commands that run until Ctrl-C, and then end what they have started.
 _ENDED_BY_CTRL_C = ("studio", "mcp")
+
+#: New objects after which garbage is searched for while a command runs.
+_COLLECTED_AFTER = 200_000
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -25,10 +30,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words and words[0] in (*SERVER_COMMANDS, *_ENDED_BY_CTRL_C):
         return _run(words)
     try:
-        with ends_quietly():
+        with ends_quietly(), _seldom_collected():
             return _run(words)
     except KeyboardInterrupt:
         return INTERRUPTED
+
+
+@contextmanager
+def _seldom_collected() -> Iterator[None]:
+    """Search for garbage seldom: what a command imports stays, and searching it takes long."""
+    before = gc.get_threshold()
+    gc.set_threshold(_COLLECTED_AFTER, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 def _run(words: list[str]) -> int:

@@ -1,3 +1,4 @@
+import gc
 import json
 import signal
 import subprocess
@@ -27,6 +28,21 @@ def test_version_and_help(run: Run) -> None:
     text = run("--help").out
     for name in (*COMMANDS, *SERVER_COMMANDS):
         assert f"  {name} " in text
+
+
+def test_garbage_is_searched_for_seldom_while_a_command_runs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before, seen = gc.get_threshold(), list[int]()
+
+    def run(_: list[str]) -> int:
+        seen.append(gc.get_threshold()[0])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("command_line.app.run", run)
+    main(["robots"])
+    assert seen[0] > 10 * before[0]
+    assert gc.get_threshold() == before
 
 
 @pytest.mark.parametrize("words", [("dance",), ("fk",), ("fk", "panda", "--joint", "1")])
