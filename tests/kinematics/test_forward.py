@@ -34,17 +34,6 @@ from tests.mimic_joints import urdf as mimic_joints_urdf
 from tests.planning.pinocchio_arm import PinocchioArm
 
 
-@pytest.mark.parametrize("sample", samples(), ids=lambda sample: sample.name)
-def test_every_link_stands_where_pinocchio_puts_it(sample: Sample) -> None:
-    arm = reference(sample)
-    chain = arm.chain
-    for q in configurations(chain, 5):
-        poses = link_poses(chain, q)
-        for link, T in zip(chain.links, poses, strict=True):
-            np.testing.assert_allclose(T, arm.pose(q, link.name), atol=1e-12, rtol=0)
-        np.testing.assert_array_equal(forward(chain, q), poses[chain.index[chain.tip_link]])
-
-
 def test_equals_the_product_of_the_joints() -> None:
     rng = np.random.default_rng(5)
     for _ in range(50):

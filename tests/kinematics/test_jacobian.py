@@ -71,13 +71,6 @@ def test_equals_differences_at_any_point_of_any_link() -> None:
         np.testing.assert_allclose(J, expected, atol=DIFFERENCE_TOLERANCE)
 
 
-def test_columns_beyond_the_link_are_zero() -> None:
-    chain = random_chain(np.random.default_rng(12), 5)
-    q = np.linspace(-1, 1, 5)
-    for i, link in enumerate(chain.links):
-        assert not geometric(chain, q, link.name)[:, i:].any()
-
-
 @pytest.mark.parametrize("point", [[0, 0], [0, 0, np.nan], [[0, 0, 0]], 1.0])
 def test_points_refused(point: object) -> None:
     chain = random_chain(np.random.default_rng(14), 2)
@@ -157,25 +150,6 @@ def test_undamped_is_the_pseudo_inverse(n: int) -> None:
         np.testing.assert_allclose(solution.joint_velocities, expected, atol=1e-10 * scale**2)
         np.testing.assert_allclose(solution.residual, xi - J @ expected, atol=1e-10 * scale**2)
         assert (solution.gains == 1.0).all()
-
-
-def test_six_regular_joints_give_the_twist_itself() -> None:
-    chain = builtin_chain("ur5e")
-    q, xi = np.array([0.3, -1.0, 1.4, -0.7, -1.3, 0.2]), np.array([0.1, -0.2, 0.3, 0.4, -0.5, 0.6])
-    solution = joint_velocities(chain, q, xi)
-    assert np.abs(solution.residual).max() < 1e-14
-    np.testing.assert_allclose(link_twist(chain, q, solution.joint_velocities), xi, atol=1e-13)
-
-
-def test_nullspace_moves_the_arm_and_not_the_tip() -> None:
-    chain = builtin_chain("panda")
-    q = np.array([0.3, -0.5, 0.2, -2.0, 0.3, 1.7, 0.4])
-    xi = np.zeros(6)
-    solution = joint_velocities(chain, q, xi, nullspace=np.ones(7))
-    assert np.linalg.norm(solution.joint_velocities) > 0.1
-    assert np.abs(solution.residual).max() < 1e-14
-    ahead, behind = (forward(chain, q + h * solution.joint_velocities) for h in (STEP, -STEP))
-    assert np.abs(ahead - behind).max() < 1e-9
 
 
 def wrist_singular(chain: Chain, bend: float) -> Array:
@@ -327,13 +301,8 @@ def test_work_of_the_joints_is_the_work_of_the_force() -> None:
         assert torques @ dq == pytest.approx(work, abs=1e-7)
 
 
-def test_batches_and_bad_wrenches() -> None:
-    chain = builtin_chain("panda")
-    q = np.random.default_rng(2).uniform(-1, 1, (4, 7))
-    wrench = np.arange(6.0)
-    batch = holding_torques(chain, q, wrench)
-    for k in range(4):
-        np.testing.assert_allclose(batch[k], holding_torques(chain, q[k], wrench), atol=1e-14)
+def test_bad_wrenches() -> None:
+    chain, q = builtin_chain("panda"), np.zeros(7)
     for bad in ([0.0] * 5, [np.inf] * 6, "wrench", 1.0):
         with pytest.raises(InvalidOption, match="wrench"):
             holding_torques(chain, q, bad)
@@ -344,20 +313,13 @@ def test_a_batch_of_wrenches_goes_with_one_configuration_or_as_many() -> None:
     rng = np.random.default_rng(3)
     q, F = rng.uniform(-1, 1, (4, 7)), rng.normal(size=(4, 6))
     each, same = holding_torques(chain, q, F), holding_torques(chain, q[0], F)
+    one = holding_torques(chain, q, F[0])
     for k in range(4):
         np.testing.assert_allclose(each[k], holding_torques(chain, q[k], F[k]), atol=1e-13)
+        np.testing.assert_allclose(one[k], holding_torques(chain, q[k], F[0]), atol=1e-13)
         np.testing.assert_allclose(same[k], holding_torques(chain, q[0], F[k]), atol=1e-13)
     with pytest.raises(InvalidOption, match=r"wrenches \(3, 6\) does not fit joints \(4, 7\)"):
         holding_torques(chain, q, F[:3])
-
-
-def test_torques_are_linear_in_the_wrench() -> None:
-    chain = builtin_chain("ur5e")
-    rng = np.random.default_rng(4)
-    q, F, G = rng.uniform(-1, 1, 6), rng.normal(size=6), rng.normal(size=6)
-    both = holding_torques(chain, q, 2.0 * F - 3.0 * G)
-    parts = 2.0 * holding_torques(chain, q, F) - 3.0 * holding_torques(chain, q, G)
-    np.testing.assert_allclose(both, parts, atol=1e-12)
 
 
 CHAINS = [
@@ -372,12 +334,12 @@ def ids(chain: object) -> str:
 
 @pytest.mark.parametrize("chain", CHAINS, ids=ids)
 def test_equals_the_kernels_for_every_link(chain: Chain) -> None:
-    symbols = casadi.SX.sym("q", chain.n)
+    symbols, point = casadi.SX.sym("q", chain.n), np.array([0.1, -0.2, 0.3])
     for link in chain.index:
-        jacobian = casadi.Function("J", [symbols], [symbolic_jacobian(chain, symbols, link)])
+        jacobian = casadi.Function("J", [symbols], [symbolic_jacobian(chain, symbols, link, point)])
         for q in random_state(chain, 1, 10)[0]:
             J = np.array(jacobian(q))
-            np.testing.assert_allclose(J, geometric(chain, q, link), atol=1e-12, rtol=0)
+            np.testing.assert_allclose(J, geometric(chain, q, link, point), atol=1e-12, rtol=0)
 
 
 @pytest.mark.parametrize("chain", CHAINS, ids=ids)
@@ -388,26 +350,6 @@ def test_frames_are_those_of_the_joints(chain: Chain) -> None:
         got = frames(value) if chain.n > 1 else [frames(value)]
         np.testing.assert_allclose(
             np.array([np.array(T) for T in got]), joint_frames(chain, value), atol=1e-12, rtol=0
-        )
-
-
-@pytest.mark.parametrize("chain", CHAINS, ids=ids)
-def test_jacobian_is_the_derivative_of_the_pose(chain: Chain) -> None:
-    q = casadi.SX.sym("q", chain.n)
-    point = np.array([0.1, -0.2, 0.3])
-    T = symbolic_frames(chain, q)[-1] @ casadi.DM(chain.link(chain.tip_link).T_joint_link)
-    p = T[:3, :3] @ casadi.DM(point) + T[:3, 3]
-    columns = []
-    for j in range(chain.n):
-        S = casadi.reshape(casadi.jacobian(casadi.vec(T[:3, :3]), q[j]), 3, 3) @ T[:3, :3].T
-        columns.append(casadi.vertcat(S[2, 1], S[0, 2], S[1, 0]))
-    derived = casadi.vertcat(casadi.jacobian(p, q), casadi.horzcat(*columns))
-    both = casadi.Function("both", [q], [derived, symbolic_jacobian(chain, q, point=point)])
-    for value in random_state(chain, 3, 5)[0]:
-        automatic, by_rule = (np.array(J) for J in both(value))
-        np.testing.assert_allclose(by_rule, automatic, atol=1e-12, rtol=0)
-        np.testing.assert_allclose(
-            by_rule, geometric(chain, value, point=point), atol=1e-12, rtol=0
         )
 
 

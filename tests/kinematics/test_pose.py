@@ -1,6 +1,7 @@
 """Forms of rotations and poses: conversions, groups, singular cases and rounded numbers."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -27,11 +28,8 @@ from kinematics.pose import (
     rotation_z,
     rpy_branches,
     singular_forms,
-    to_axis_angle,
     to_quaternion,
     to_quaternions,
-    to_rpy,
-    to_zyz,
     transform,
     zyz_branches,
 )
@@ -122,12 +120,6 @@ def test_matrix_is_checked_and_put_right() -> None:
         pose.from_matrix(np.eye(4))
 
 
-def test_zyz_is_scipys() -> None:
-    for angles in RNG.uniform(-4, 4, size=(100, 3)):
-        expected = Rotation.from_euler("ZYZ", angles).as_matrix()
-        np.testing.assert_allclose(pose.from_zyz(angles), expected, atol=1e-15)
-
-
 @pytest.mark.parametrize("flip", [False, True])
 def test_zyz_round_trip(flip: bool) -> None:
     for R in ROTATIONS:
@@ -138,16 +130,17 @@ def test_zyz_round_trip(flip: bool) -> None:
         assert low <= angles[1] <= high
 
 
+@pytest.mark.parametrize(("function", "axes"), [(pose.from_zyz, "ZYZ"), (pose.from_rpy, "xyz")])
+def test_angles_are_scipys(function: Callable[[Array], Array], axes: str) -> None:
+    for angles in RNG.uniform(-4, 4, size=(100, 3)):
+        expected = Rotation.from_euler(axes, angles).as_matrix()
+        np.testing.assert_allclose(function(angles), expected, atol=1e-15)
+
+
 def test_zyz_keeps_small_theta() -> None:
     for theta in (1e-11, 1e-9, 1e-5, math.pi - 1e-9):
         R = pose.from_zyz([0.4, theta, -1.1])
         assert pose.to_zyz(R)[1] == pytest.approx(theta, rel=1e-5 if theta < 1e-8 else 1e-9)
-
-
-def test_rpy_is_scipys() -> None:
-    for rpy in RNG.uniform(-4, 4, size=(100, 3)):
-        expected = Rotation.from_euler("xyz", rpy).as_matrix()
-        np.testing.assert_allclose(pose.from_rpy(rpy), expected, atol=1e-15)
 
 
 def test_axis_angle_is_scipys() -> None:
@@ -258,22 +251,6 @@ def test_rigid_motions_are_a_group(a: Array, b: Array, c: Array) -> None:
     close(inverse(inverse(a)), a)
 
 
-@given(rotations)
-def test_rotations_keep_lengths_and_hands(R: Array) -> None:
-    close(R.T @ R, np.eye(3))
-    assert abs(np.linalg.det(R) - 1.0) < 1e-12
-
-
-@given(rotations)
-def test_conversions_come_back(R: Array) -> None:
-    close(from_quaternion(to_quaternion(R)), R)
-    close(from_axis_angle(*to_axis_angle(R)), R)
-    # A sine below 1e-12 counts as 0, which turns the axis by twice as much at most.
-    for flip in (False, True):
-        close(from_zyz(to_zyz(R, flip=flip)), R, 3e-12)
-        close(from_rpy(to_rpy(R, flip=flip)), R, 3e-12)
-
-
 @given(st.lists(rotations, min_size=1, max_size=4))
 def test_many_quaternions_are_those_of_each(Rs: list[Array]) -> None:
     each = np.array([to_quaternion(R) for R in Rs])
@@ -324,19 +301,7 @@ def test_the_rounding_of_numbers_is_half_of_the_last_decimal_that_any_has() -> N
 
 
 @SEEDS
-@pytest.mark.parametrize("decimals", [3, 4, 5, 6])
-def test_a_rotation_written_with_few_decimals_is_the_nearest_one(seed: int, decimals: int) -> None:
-    exact = Rotation.random(random_state=seed).as_matrix()
-    written = np.round(exact, decimals)
-    taken = from_matrix(written)
-    # scipy's own projection: the nearest rotation in the Frobenius norm.
-    np.testing.assert_allclose(taken, Rotation.from_matrix(written).as_matrix(), atol=1e-14)
-    angle = Rotation.from_matrix(taken.T @ exact).magnitude()
-    assert angle <= 3.0 * 0.5 * 10.0**-decimals * np.sqrt(2.0)
-
-
-@SEEDS
-@pytest.mark.parametrize("form", ["%.3g", "%.4g", "%.5g", "%.6g", "%.3e"])
+@pytest.mark.parametrize("form", ["%.3g", "%.4g", "%.5g", "%.6g", "%.3e", "%.5f", "%.6f"])
 @pytest.mark.parametrize("size", [2.0, 0.1, 1e-3])
 def test_a_rotation_written_with_few_digits_is_the_nearest_one(
     seed: int, form: str, size: float

@@ -150,21 +150,6 @@ def kr6_tip(q: Array) -> Array:
     return T @ shift(0.98, 0, 0.435) @ rotation("y", H)
 
 
-def test_the_names_are_those_promised() -> None:
-    assert NAMES == (
-        "panda",
-        "ur5e",
-        "iiwa14",
-        "kr6_sixx",
-        "puma560",
-        "scara",
-        "stanford",
-        "planar_rr",
-        "cart_pendulum",
-        "elbow_wrist",
-    )
-
-
 @pytest.mark.parametrize("read", [builtin_urdf, builtin_srdf, builtin_chain])
 def test_an_unknown_name_is_refused_with_the_choices(read: Any) -> None:
     with pytest.raises(InvalidOption) as caught:

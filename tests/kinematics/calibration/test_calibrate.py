@@ -159,11 +159,17 @@ def test_odd_measurements_are_refused() -> None:
 @pytest.mark.parametrize("offset", [0.05, 50.0])
 def test_measurements_that_no_corrections_explain_are_refused(offset: float) -> None:
     chain, rng = builtin_chain("ur5e"), np.random.default_rng(0)
-    q = configurations(chain, rng, 40)
+    q = configurations(chain, rng, 16)
     T = forward(chain, q)
     away = T[:, :3, 3] + offset * T[:, :3, 0]  # the place of the marker is not told
     with pytest.raises(InvalidOption, match='whether "frame" or "tip" is unknown'):
         calibrate(chain, q, Measured(points=away))
+
+
+def test_noise_beyond_what_was_said_is_refused() -> None:
+    chain, rng = builtin_chain("ur5e"), np.random.default_rng(0)
+    q = configurations(chain, rng, 40)
+    T = forward(chain, q)
     noisy = T[:, :3, 3] + 0.05 * rng.standard_normal((40, 3))
     with pytest.raises(InvalidOption, match="or the noise"):
         calibrate(chain, q, Measured(points=noisy))

@@ -378,27 +378,6 @@ def test_jaws_end_short_arms_too(kind: str, tip: str) -> None:
     assert likely_tip(replace(description, joints=joints), "base").tip == tip
 
 
-def test_children_come_in_the_order_of_the_file(tree: RobotDescription) -> None:
-    assert [joint.name for joint in tree.children("carriage")] == ["mast_joint", "shoulder"]
-    assert [joint.name for joint in tree.children("hand")] == [
-        "left_finger_joint",
-        "right_finger_joint",
-    ]
-    assert tree.children("mast") == ()
-    assert tree.children("nowhere") == ()
-
-
-def test_every_link_but_the_root_hangs_on_one_joint(tree: RobotDescription) -> None:
-    assert tree.parent_joint(tree.root) is None
-    for name in tree.links:
-        joint = tree.parent_joint(name)
-        if name == tree.root:
-            continue
-        assert joint is not None
-        assert joint.child == name
-        assert joint in tree.children(joint.parent)
-
-
 @pytest.mark.parametrize("kind", JOINT_TYPES)
 def test_only_joints_of_one_degree_of_freedom_move(kind: str) -> None:
     joint = parse_urdf(arm(type=kind)).joints["swing"]

@@ -1,6 +1,5 @@
 """Links of a URDF: origins, mass properties and solids, beside pinocchio and scipy."""
 
-import math
 from xml.etree.ElementTree import fromstring
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kinematics.errors import InvalidRobotDescription
-from kinematics.tree.description import BoxGeometry, CapsuleGeometry, LinkDescription, MeshGeometry
+from kinematics.tree.description import BoxGeometry, LinkDescription, MeshGeometry
 from kinematics.urdf.urdf import (
     MAX_INERTIA,
     MAX_LENGTH,
@@ -70,33 +69,7 @@ def test_what_an_origin_leaves_out_is_zero() -> None:
     np.testing.assert_array_equal(T[:, 3], [1.0, 2.0, 3.0, 1.0])
 
 
-def test_positions_may_be_as_far_as_the_bound() -> None:
-    for text, fits in ((f"{MAX_LENGTH:g} 0 0", True), (f"0 -{1.001 * MAX_LENGTH:g} 0", False)):
-        row = fromstring(f'<x><origin xyz="{text}"/></x>')
-        if fits:
-            assert read_origin(row, "x")[0, 3] == MAX_LENGTH
-        else:
-            with pytest.raises(InvalidRobotDescription, match="units"):
-                read_origin(row, "x")
-
-
 # ------------------------------------------------------------------------------------ inertia
-
-
-def test_a_tensor_is_turned_into_the_links_axes_and_stays_about_the_centre() -> None:
-    rng = np.random.default_rng(1)
-    for _ in range(20):
-        rpy, xyz = rng.uniform(-3.0, 3.0, (2, 3))
-        origin = f'<origin xyz="{" ".join(map(str, xyz))}" rpy="{" ".join(map(str, rpy))}"/>'
-        text = inertial('ixx="0.3" iyy="0.4" izz="0.5" ixy="0.01" ixz="-0.02" iyz="0.03"', "2.5")
-        link, lint = read(text.replace("<mass", f"{origin}<mass"))
-        R = Rotation.from_euler("xyz", rpy).as_matrix()
-        tensor = np.array([[0.3, 0.01, -0.02], [0.01, 0.4, 0.03], [-0.02, 0.03, 0.5]])
-        assert link.inertia is not None
-        assert link.inertia.mass == 2.5
-        np.testing.assert_array_equal(link.inertia.center_of_mass, xyz)
-        np.testing.assert_allclose(link.inertia.tensor, R @ tensor @ R.T, atol=1e-14)
-        assert not any("inertia" in line for line in lint)
 
 
 def test_products_of_inertia_may_be_left_out_but_moments_may_not() -> None:
@@ -161,18 +134,6 @@ def test_half_of_an_inertial_is_refused() -> None:
 # ------------------------------------------------------------------------------------- solids
 
 
-def test_solids_keep_their_order_and_their_frames() -> None:
-    text = solid('<box size="1 2 3"/>', '<origin xyz="1 0 0"/>')
-    text += solid('<capsule radius="0.1" length="2"/>', '<origin xyz="2 0 0"/>')
-    link, lint = read(text)
-    assert [item.geometry for item in link.collisions] == [
-        BoxGeometry((1.0, 2.0, 3.0)),
-        CapsuleGeometry(0.1, 2.0),
-    ]
-    assert [item.T_link_element[0, 3] for item in link.collisions] == [1.0, 2.0]
-    assert lint == []
-
-
 def test_a_link_without_solids_is_told() -> None:
     assert any("no collision geometry" in line for line in read("")[1])
 
@@ -219,20 +180,6 @@ def test_two_geometries_elements_of_one_collision_are_refused() -> None:
     sphere = '<geometry><sphere radius="1"/></geometry>'
     refused(f"<collision>{sphere}{sphere}</collision>", "2 <geometry> elements")
     refused("<collision/>", "geometry")
-
-
-@pytest.mark.parametrize(
-    ("origin", "words"),
-    [
-        ('quat_xyzw="0 0 0 0"', "norm|normal"),
-        ('quat_xyzw="0 0 1"', "4 number"),
-        ('rpy="0 0 0" quat_xyzw="0 0 0 1"', "both"),
-        ('rpy="1 2"', "3 number"),
-        (f'rpy="{math.inf} 0 0"', "finite"),
-    ],
-)
-def test_origins_of_solids_are_checked(origin: str, words: str) -> None:
-    refused(solid('<sphere radius="1"/>', f"<origin {origin}/>"), words)
 
 
 @pytest.mark.parametrize(

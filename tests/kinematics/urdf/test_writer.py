@@ -49,16 +49,6 @@ def test_a_chain_is_read_back_with_its_poses_limits_and_damping(name: str) -> No
     np.testing.assert_allclose(forward(copy, q), forward(chain, q), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["panda", "puma560", "stanford"])
-def test_the_round_trip_of_urdf_and_table_is_exact(name: str) -> None:
-    first = builtin_chain(name)
-    second = back(chain_from_dh(name, dh_from_chain(first)))
-    third = back(chain_from_dh(name, dh_from_chain(second)))
-    q = np.random.default_rng(2).uniform(-2.0, 2.0, (20, first.n))
-    np.testing.assert_allclose(forward(second, q), forward(first, q), rtol=0, atol=1e-12)
-    np.testing.assert_allclose(forward(third, q), forward(first, q), rtol=0, atol=1e-12)
-
-
 def test_pinocchio_reads_the_same_robot() -> None:
     chain = table_chain("panda")
     model = pin.buildModelFromXML(urdf_text(chain))
