@@ -9,11 +9,7 @@ import pytest
 from armwright_wire.scenes.check import CheckAnswer
 from armwright_wire.scenes.scene import ProjectAnswer, Scene
 from kinematics.robots import builtin_chain
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.fcl_distance import FclWorld
-from obstacles.robots.robot_geometry import robot_geometry
-from obstacles.scenes.scene import Scene as ObstacleScene
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import builtin_reference
 from service.translate import poses
@@ -21,10 +17,8 @@ from tests.service.robots import (
     ASIDE,
     FLOOR,
     HOME,
-    LIMIT,
     POST,
     answer,
-    bench,
     problem,
     scene,
     solid,
@@ -51,35 +45,6 @@ def check(client: httpx.Client, joints: Any, **more: Any) -> dict[str, Any]:
 def world(place: dict[str, Any]) -> FclWorld:
     geometry = worker_cache.robot(builtin_reference("panda")).geometry
     return FclWorld(geometry, poses.scene(Scene.model_validate(place)))
-
-
-def row_of_boxes(direction: str) -> str:
-    """Eighteen boxes of 4 cm in a row along an axis of a link, from 0.1 m on."""
-    boxes = []
-    for k in range(18):
-        at = " ".join(f"{0.1 + 0.05 * k:.2f}" if axis == direction else "0" for axis in "xyz")
-        shape = '<geometry><box size="0.04 0.04 0.04"/></geometry>'
-        boxes.append(f'<collision><origin xyz="{at}"/>{shape}</collision>')
-    return "".join(boxes)
-
-
-def test_links_of_many_solids_against_the_exact_world(client: httpx.Client) -> None:
-    """Two links that make more pairs than are looked at one by one."""
-    text = f"""<robot name="rows"><link name="base">{row_of_boxes("x")}</link><link name="lower">
-        <collision><origin xyz="0.15 0 0"/><geometry><sphere radius="0.02"/></geometry></collision>
-      </link><link name="upper">{row_of_boxes("z")}</link>
-      <joint name="shoulder" type="revolute"><parent link="base"/><child link="lower"/>
-        <origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>{LIMIT}</joint>
-      <joint name="elbow" type="revolute"><parent link="lower"/><child link="upper"/>
-        <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>{LIMIT}</joint></robot>"""
-    answer(client.post("/v1/robots", json=bench("rows", urdf=text, meshes=None)), 201)
-    q = np.random.default_rng(8).uniform([-0.2, 0.6], [1.2, 2.0], (60, 2))
-    found = check(client, q.tolist(), robot="rows", scene=scene())
-    description = parse_urdf(text)
-    exact = FclWorld(robot_geometry(serial_chain(description), description, {}), ObstacleScene())
-    for valid, configuration in zip(found["valid"], q, strict=True):
-        assert valid == (exact.clearance(configuration).distance > 0.0)
-    assert 10 < sum(found["valid"]) < 50
 
 
 def test_many_configurations_against_the_exact_world(client: httpx.Client) -> None:
@@ -161,6 +126,8 @@ def test_projections(client: httpx.Client) -> None:
     path = "/v1/scenes/clutter/project"
     found = answer(client.post(path, json={"points": points.tolist()}))
     ProjectAnswer.model_validate(found)
+    by_fcl = answer(client.post(path, json={"points": points.tolist(), "engine": "fcl"}))
+    assert by_fcl != found
     for p, row in zip(points, found["projections"], strict=True):
         assert [item["obstacle"] for item in row] == ["post", "floor", "ball", "pipe"]
         for item in row:
@@ -176,24 +143,6 @@ def test_projections(client: httpx.Client) -> None:
         assert row[2]["distance"] == pytest.approx(away - 0.2)
         nearest = center + 0.2 * (p - center) / away
         np.testing.assert_allclose(row[2]["projection"], nearest, atol=1e-9)
-
-
-def test_projections_by_fcl(client: httpx.Client) -> None:
-    answer(client.put("/v1/scenes/by_fcl", json=CLUTTER), 201)
-    points = np.random.default_rng(5).uniform(-1.0, 1.0, (50, 3)).tolist()
-    path = "/v1/scenes/by_fcl/project"
-    exact = answer(client.post(path, json={"points": points, "engine": "exact"}))
-    assert exact == answer(client.post(path, json={"points": points}))
-    fcl = answer(client.post(path, json={"points": points, "engine": "fcl"}))
-    ProjectAnswer.model_validate(fcl)
-    assert fcl != exact
-    for row, expected in zip(fcl["projections"], exact["projections"], strict=True):
-        for item, other in zip(row, expected, strict=True):
-            assert item["obstacle"] == other["obstacle"]
-            assert item["distance"] == pytest.approx(other["distance"], abs=1e-8)
-            assert item["projection"] == pytest.approx(other["projection"], abs=1e-5)
-    refused = client.post(path, json={"points": points, "engine": "bullet"})
-    problem(refused, 422, "VALIDATION_ERROR")
 
 
 def test_a_scene_without_obstacles_has_no_projections(client: httpx.Client) -> None:

@@ -171,37 +171,6 @@ def test_no_way_at_all_is_told_in_time_with_what_was_tried(client: httpx.Client)
     assert document["details"]["would_unblock"] == ["ball"]
 
 
-def test_a_deadline_too_short_is_a_timeout(client: httpx.Client) -> None:
-    response = client.post("/v1/plan", json=BODY | {"timeout": 0.001, "planner": "rrt_connect"})
-    document = problem(response, 504, "TIMED_OUT")
-    assert document["hint"]
-
-
-def test_a_post_with_room_beside_it_is_passed_at_the_preferred_distance(
-    client: httpx.Client,
-) -> None:
-    exact = world()
-    nearest = {}
-    for preferred in (0.0, 0.02):
-        found = plan(client, clearance={"preferred": preferred})
-        rows = positions(found["trajectory"])
-        # The arm's own links may be nearer than the post at all times: then it is far enough.
-        nearest[preferred] = min(
-            (
-                near.distance
-                for near in (exact.clearance(q) for q in rows)
-                if near.pair is not None and near.pair[1] == "post"
-            ),
-            default=np.inf,
-        )
-        told = found["clearance"]
-        assert (told["preferred"], told["least"]) == (preferred, 0.0)
-        assert found["certificate"]["verified"] is True
-    assert nearest[0.0] < 0.01
-    # Legs keep 20 mm; the corner is blended with half of it, which is far quicker.
-    assert nearest[0.02] > 0.01
-
-
 def test_the_answer_tells_where_the_motion_is_nearer(client: httpx.Client) -> None:
     found = plan(client, clearance={"preferred": 0.3})
     told, duration = found["clearance"], found["trajectory"]["duration"]
