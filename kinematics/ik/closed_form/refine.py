@@ -432,8 +432,9 @@ def admit_kernel(
         if max(position, orientation) > tolerance:
             if inside:
                 position, orientation = refine_kernel(model, link, T, lower, upper, held, q)
-            else:
-                whole = np.full(n, np.inf)
+            if not (position <= tolerance and orientation <= tolerance):
+                # It is a hair outside, and no rounding.
+                inside, whole = False, np.full(n, np.inf)
                 position, orientation = refine_kernel(model, link, T, -whole, whole, held, q)
             if not (position <= tolerance and orientation <= tolerance):
                 return count

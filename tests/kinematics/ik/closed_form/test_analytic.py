@@ -326,6 +326,26 @@ def test_joints_are_the_whole_turns_inside_the_limits_nearest_the_seed(name: str
             np.testing.assert_allclose(np.abs(row - seed), away, atol=1e-5)
 
 
+@pytest.mark.parametrize("name", ["ur5e", "kr6_sixx", "puma560"])
+def test_limits_a_hair_from_a_branch_lose_none(name: str) -> None:
+    chain, rng = builtin_chain(name), np.random.default_rng(12)
+    whole = np.full(6, 2.0 * np.pi)
+    free = replace(chain, limits=replace(chain.limits, lower=-whole, upper=whole))
+    for _ in range(60):
+        T = forward(chain, rng.uniform(-3.0, 3.0, 6))
+        every = branches(free, T).joints
+        row, j = every[rng.integers(len(every))], rng.integers(6)
+        hair = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-10.0, -5.0)
+        upper = whole.copy()
+        upper[j] = row[j] + hair
+        found = branches(replace(free, limits=replace(free.limits, upper=upper)), T)
+        turns = np.round((every[:, None] - found.joints) / (2.0 * np.pi))
+        away = np.abs(every[:, None] - found.joints - 2.0 * np.pi * turns).max(axis=2)
+        assert away.min(axis=1).max() < 1e-6
+        fits = found.joints <= upper + 1e-9
+        assert fits[found.within_limits].all()
+
+
 def test_poses_out_of_reach_have_no_branch() -> None:
     for name in ARMS:
         assert not len(branches(builtin_chain(name), transform(None, [9.0, 0.0, 0.0])).table)
