@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from armwright.model import ik
 from benchmarks.peers.ik_peers import time_calls
 from benchmarks.problems.poses import edge_configurations, random_configurations
 from kinematics.forward import forward
@@ -32,7 +33,7 @@ from kinematics.pose import to_quaternions
 from kinematics.robots import builtin_chain, builtin_urdf
 
 Array = NDArray[np.float64]
-ROBOTS = ("panda", "ur5e", "kr6_sixx", "iiwa14", "scara")
+ROBOTS = ("panda", "ur5e", "kr6_sixx", "puma560", "iiwa14", "scara")
 NUMERIC_PEERS = ("TRAC-IK", "toolbox ik_LM")
 ANALYTIC_PEERS = ("EAIK", "ik-geo")
 POSITION_AND_YAW: tuple[Axis, ...] = ("x", "y", "z", "rz")
@@ -78,6 +79,10 @@ def _solve_branches(
     chain: Chain, poses: list[Array], seeds: list[Array] | None, k: int
 ) -> Branches:
     return branches(chain, poses[k], seed_joints=None if seeds is None else seeds[k])
+
+
+def _solve_best(chain: Chain, poses: list[Array], k: int) -> IkResult:
+    return ik(chain, poses[k])
 
 
 def ask_peers(
@@ -236,25 +241,33 @@ def analytic(name: str, options: argparse.Namespace) -> None:
         for k in unanswered[:10]:
             print(f"    unanswered: {np.array2string(q[k], precision=6)}")
         m = min(options.shared, len(q))
-        if chain.n != 6 or options.peers is None:
+        if options.peers is None:
             continue
-        rounds = []
+        rounds, best = [], []
         for _ in range(_TURNS):
             # In turn, as the machine is faster at some times than at others.
-            _, spent = time_calls(partial(_solve_branches, chain, list(poses[:m]), None), m)
+            _, spent = time_calls(partial(_solve_branches, chain, list(poses[:m]), rows), m)
+            _, whole = time_calls(partial(_solve_best, chain, list(poses[:m])), m)
             told = ask_peers(options.peers, name, chain, poses[:m], q[:m], ANALYTIC_PEERS)
             rounds.append((float(np.median(spent)), told))
+            best.append(float(np.median(whole)))
         for peer in answered(told, ANALYTIC_PEERS):
             theirs = [float(np.median(answer[f"{peer}: spent"])) for _, answer in rounds]
             ours = [median for median, _ in rounds]
             ratios = np.array(ours) / theirs
-            missed, nothing, total = compare_branches(chain, judge, split(told, peer), found, poses)
             print(
                 f"    {peer:8s} {m} poses  median {np.median(theirs):6.2f} us (ours "
                 f"{np.median(ours):.2f}, {np.median(ratios):.2f} x, from {ratios.min():.2f} to "
-                f"{ratios.max():.2f} x in {len(ratios)} turns)  answers nothing on "
-                f"{100 * nothing / m:.1f} %  of its {total} right branches we miss {missed}"
+                f"{ratios.max():.2f} x in {len(ratios)} turns; aw.ik {np.median(best):.2f} us)"
             )
+            if seeds is None:
+                missed, nothing, total = compare_branches(
+                    chain, judge, split(told, peer), found, poses
+                )
+                print(
+                    f"        it answers nothing on {100 * nothing / m:.1f} %  of its {total} "
+                    f"right branches we miss {missed}"
+                )
 
 
 def judge_worst(judge: Judge, joints: Array, T: Array) -> float:

@@ -33,6 +33,7 @@ WITHOUT_A_BOUND = {
     ("compiled/compiler/machine_code.py", "_size"),
     ("compiled/compiler/library.py", "_plain_machine"),
     ("compiled/compiler/store.py", "_warn_once"),
+    ("kinematics/ik/closed_form/analytic.py", "_signs"),
     ("obstacles/collision/checker.py", "_direct"),
     ("obstacles/scenes/scene.py", "_field_names"),
     ("obstacles/convex/triangles.py", "_inner_radius"),

@@ -92,9 +92,10 @@ def _lines(case: Any) -> tuple[Array, Array, Array]:
 
 
 def eaik(case: Any) -> Callable[[int], Any]:
-    """All branches of EAIK."""
+    """All branches of EAIK; of seven joints the last is held, which costs it no more than six."""
     H, P, home = _lines(case)
-    robot = import_module("eaik.IK_HP").HPRobot(H, P)
+    held = [(6, float(case["starts"][0, 6]))] if len(H) == 7 else []
+    robot = import_module("eaik.IK_HP").HPRobot(H, P, fixed_axes=held)
     if not robot.hasKnownDecomposition():
         raise RuntimeError("finds no decomposition")
     poses = np.array(case["poses"])

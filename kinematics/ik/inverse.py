@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, Indices, frozen
+from kinematics.arrays import Array, frozen
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.ik.closed_form.analytic import Branches, branches, closed_form, middle, parameter
@@ -22,7 +22,7 @@ from kinematics.ik.decoupled import decoupled
 from kinematics.ik.decoupled import solutions as decoupled_solutions
 from kinematics.ik.numeric import numeric
 from kinematics.ik.numeric.numeric import AXES, POSITION, Axis
-from kinematics.ik.ranking import Ranking, check_ranking, nearest, order, whole_turns
+from kinematics.ik.ranking import Ranking, check_ranking, order, whole_turns
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.model.chain import Chain
 
@@ -104,8 +104,7 @@ class IkOptions:
 _DEFAULT = IkOptions()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Query:
+class _Query(NamedTuple):
     """One pose, with its seed and the method."""
 
     chain: Chain
@@ -145,9 +144,10 @@ def inverse_kinematics(
     if np.shape(target) != (4, 4):
         raise InvalidPose("the target must be a finite 4x4 transform")
     query = _Query(chain, target, link, near, how)
-    form = structure(chain, link) if how.all_axes else None
+    all_axes = how.all_axes
+    form = structure(chain, link) if all_axes else None
     arm = None
-    if form is None and (how.all_axes or how.position_alone):
+    if form is None and (all_axes or how.position_alone):
         arm = decoupled(chain, link, position=how.position_alone)
     if form is None and arm is None and how.method == "analytic":
         closed_form(chain, link)
@@ -155,9 +155,13 @@ def inverse_kinematics(
     complete = False
     if how.method != "numeric" and form is not None:
         table, complete = _closed_form_branches(query, form, how.parameters)
-        inside = table.within_limits.nonzero()[0]
-        if inside.size and not how.all_turns:
-            return _best_branches(query, table, inside, complete=complete)
+        row, inside = table.nearest(near)
+        if inside and not how.all_turns:
+            if how.most > 1 or how.ranking != "nearest":
+                return _best_branches(query, table, complete=complete)
+            best = _solution(table, row)
+            found = len(table.table) if how.outside_limits else inside
+            return IkResult((best,), best, 0, complete=complete, found=found)
         solutions = _solutions(table, how.outside_limits)
     elif how.method != "numeric" and arm is not None:
         branches, complete = decoupled_solutions(
@@ -266,28 +270,23 @@ def _solution(table: Branches, row: int) -> IkSolution:
     return IkSolution(q, position, orientation, 0, table.label(row), inside != 0.0)
 
 
-def _best_branches(query: _Query, table: Branches, inside: Indices, *, complete: bool) -> IkResult:
-    """The best of a table's branches inside the limits, then those outside, if they are asked for.
+def _best_branches(query: _Query, table: Branches, *, complete: bool) -> IkResult:
+    """The best branches inside the limits, then those outside, if they are asked for.
 
     Only those that are answered become solutions with names.
 
     Args:
         query: The pose and what is asked.
-        table: All branches.
-        inside: Rows of those inside the limits, at least one.
+        table: All branches, one at least inside the limits.
         complete: Whether there are no others.
     """
-    how, joints = query.options, table.joints[inside]
-    found = len(table.table) if how.outside_limits else len(inside)
-    if how.most == 1 and how.ranking == "nearest":
-        best: tuple[IkSolution, ...] = (_solution(table, int(inside[nearest(joints, query.near)])),)
-    else:
-        ranked = inside[order(query.chain, joints, how.ranking, query.near, query.link)]
-        rows = ranked.tolist()
-        if how.outside_limits:
-            rows += [i for i in _in_order(table) if not table.within_limits[i]]
-        best = tuple(_solution(table, row) for row in rows[: how.most])
-    return IkResult(best, best[0], 0, complete=complete, found=found)
+    how, inside = query.options, table.within_limits.nonzero()[0]
+    ranked = order(query.chain, table.joints[inside], how.ranking, query.near, query.link)
+    rows = inside[ranked].tolist()
+    if how.outside_limits:
+        rows += [i for i in _in_order(table) if not table.within_limits[i]]
+    best = tuple(_solution(table, row) for row in rows[: how.most])
+    return IkResult(best, best[0], 0, complete=complete, found=len(rows))
 
 
 @bounded_cache(maxsize=256)
@@ -433,19 +432,11 @@ def _best_branch(query: _BatchQuery, table: Branches, pose: int) -> IkSolution |
     """The best branch of one pose inside the limits."""
     assert table.counts is not None
     own = table._replace(table=table.table[pose, : table.counts[pose]], counts=None)
-    inside = np.flatnonzero(own.within_limits)
-    if not inside.size:
+    row, inside = own.nearest(query.near)
+    if not inside:
         return None
-    row = int(inside[0])
-    if len(inside) > 1:
-        ranking = query.options.ranking
-        row = int(
-            inside[order(query.chain, own.joints[inside], ranking, query.near, query.link)[0]]
-        )
-    return IkSolution(
-        frozen(own.joints[row].copy()),
-        float(own.position_error[row]),
-        float(own.orientation_error[row]),
-        0,
-        own.label(row),
-    )
+    ranking = query.options.ranking
+    if inside > 1 and ranking != "nearest":
+        rows = own.within_limits.nonzero()[0]
+        row = rows[order(query.chain, own.joints[rows], ranking, query.near, query.link)[0]]
+    return _solution(own, row)

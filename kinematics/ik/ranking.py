@@ -46,13 +46,6 @@ def order(
     return np.argsort(np.round(cost, 12), kind="stable").astype(np.int64)
 
 
-def nearest(joints: Array, seed: Array) -> int:
-    """Index of the first of the configurations (k, n) that are nearest to ``seed`` (n,)."""
-    d = joints - seed
-    # Distances that differ by rounding alone keep the order of the branches.
-    return int(np.sqrt(np.einsum("ij,ij->i", d, d)).round(12).argmin())
-
-
 def check_ranking(ranking: Ranking) -> None:
     """Refuse what is not the name of a ranking.
 

@@ -16,7 +16,11 @@ from kinematics.arrays import Array, contiguous, frozen
 from kinematics.errors import InvalidOption, InvalidPose, NotAvailable
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
-from kinematics.ik.closed_form.branches import branches_batch_kernel, branches_kernel
+from kinematics.ik.closed_form.branches import (
+    branches_batch_kernel,
+    branches_kernel,
+    nearest_kernel,
+)
 from kinematics.ik.closed_form.refine import (
     CODE,
     INSIDE,
@@ -92,16 +96,29 @@ class Branches(NamedTuple):
         by joint 1 and of the sine of joint 5.
         """
         row = self.table[index]
-        code = int(row[self.n + CODE])
-        first, last = ("wrist", "shoulder") if self.form.reverse else ("shoulder", "wrist")
-        signs = [f"{name}{'-' if code & bit else '+'}" for name, bit in
-                 ((first, 4), ("elbow", 2), (last, 1))]  # fmt: skip
-        text = " ".join(reversed(signs) if self.form.reverse else signs)
+        text = _signs(row[self.n + CODE], self.form.reverse)
         if self.form.kind == "redundant":
             text += f" arm_angle={row[self.n + VALUE]:.6f}"
         elif self.form.locked is not None:
             text += f" q{self.form.locked + 1}={row[self.n + VALUE]:.6f}"
         return text
+
+    def nearest(self, seed: Array) -> tuple[int, int]:
+        """Row of the branch of one pose inside the limits that is nearest to a seed, shape (n,).
+
+        -1 where none is inside; and the number of those inside.
+        """
+        row, inside = _direct_nearest()(self.table, seed)
+        return row, inside
+
+
+@cache
+def _signs(code: float, reverse: bool) -> str:
+    """Signs of shoulder, elbow and wrist by the bits of a code."""
+    first, last = ("wrist", "shoulder") if reverse else ("shoulder", "wrist")
+    signs = [f"{name}{'-' if int(code) & bit else '+'}" for name, bit in
+             ((first, 4), ("elbow", 2), (last, 1))]  # fmt: skip
+    return " ".join(reversed(signs) if reverse else signs)
 
 
 def closed_form(chain: Chain, link: str | None = None) -> Structure:
@@ -237,3 +254,9 @@ def _direct_batch() -> Any:
     rows, stack = np.zeros((1, 1)), np.zeros((1, 4, 4))
     counts = np.zeros(1, dtype=np.int64)
     return direct(branches_batch_kernel, _ARM, stack, rows, rows, 0.0, 0, stack, counts)
+
+
+@cache
+def _direct_nearest() -> Any:
+    """``nearest_kernel`` without dispatch."""
+    return direct(nearest_kernel, np.zeros((1, 1)), np.zeros(1))

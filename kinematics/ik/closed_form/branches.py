@@ -2,11 +2,10 @@
 
 import math
 
+import numpy as np
+
 from compiled.kernel import kernel
-from compiled.simd import (
-    LANES,
-    on_stack,
-)
+from compiled.simd import LANES, on_stack
 from kinematics.arrays import Array, Indices
 from kinematics.forward import finite_kernel
 from kinematics.frame import frame_kernel
@@ -219,3 +218,29 @@ def branches_batch_kernel(
     """``branches_kernel`` for a batch: targets (m, 4, 4), seeds (m, n), values (m, v)."""
     for k in range(targets.shape[0]):
         counts[k] = branches_kernel(arm, targets[k], seeds[k], values[k], tolerance, enough, out[k])
+
+
+@kernel(allocates=False, unlocks=False)
+def nearest_kernel(table: Array, seed: Array) -> tuple[int, int]:
+    """Row of the branch inside the limits that is nearest to the seed, and how many are inside.
+
+    Args:
+        table: Branches of one pose as ``branches_kernel`` writes them, shape (k, n + MORE).
+        seed: Configuration to be near, shape (n,).
+
+    Returns:
+        The first of the nearest rows, -1 where none is inside, and the number of those inside.
+    """
+    n = seed.shape[0]
+    best, least, inside = -1, math.inf, 0
+    for k in range(table.shape[0]):
+        if table[k, n + INSIDE] != 0.0:
+            inside += 1
+            square = 0.0
+            for j in range(n):
+                square += (table[k, j] - seed[j]) ** 2
+            # Distances that differ by rounding alone keep the order of the branches.
+            away = np.rint(1e12 * math.sqrt(square))
+            if away < least:
+                best, least = k, away
+    return best, inside

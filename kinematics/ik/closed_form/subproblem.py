@@ -283,8 +283,10 @@ def pair_kernel(
                         rho[0] + rho[1] * c + rho[2] * s
                         + rho[3] * c * c + rho[4] * c * s + rho[5] * s * s - first * first
                     )  # fmt: skip
-                    second = math.sqrt(max(square, 0.0))
+                    before, second = second, math.sqrt(max(square, 0.0))
                     second = second if j == 0 else -second
+                    if abs(s2 * (second - before)) < _ROUNDING * TINY:
+                        break
                 if state == NO_SOLUTION or square < -room:
                     continue
                 count = _add_pair(out, count, c, s, first, second, v0, v1)
