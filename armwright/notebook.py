@@ -52,25 +52,29 @@ def view(
     """The page of a motion: the robot among its obstacles, curves, and the proof in words.
 
     Args:
-        plan: A plan, also of a seam; or a trajectory or tour that is proved for the page.
+        plan: A plan, also of a seam; a task, which has its own robot, scenes and proofs; or a
+            trajectory or tour that is proved for the page.
         robot: The robot with what it holds; that of the plan if left out.
         scene: The obstacles; those of the plan if left out, or none.
 
     Raises:
-        InvalidOption: A trajectory or tour is given without its robot; or a task, whose page is
-            made of its request and answer.
+        InvalidOption: A trajectory or tour is given without its robot, or a task with another.
     """
-    from service.viewer.document import motion_page  # noqa: PLC0415  seldom needed, and long
+    from service.viewer import library  # noqa: PLC0415  seldom needed, and long
 
     if isinstance(plan, SequencePlan):
-        raise InvalidOption(
-            "view: what a task carries is drawn from its request, which its plan does not tell",
-            hint="Keep both with `armwright task ... --whole done.json`, and `armwright view` it.",
-        )
+        if robot is not None or scene is not None:
+            raise InvalidOption(
+                "view: each stage of a task has its own robot and scene, with what is held in it",
+                hint="Leave robot and scene out: aw.view(task).",
+            )
+        name = plan.stages[0].after.robot.chain.name
+        return Page(name, library.task_page(plan).decode())
     around = plan.surroundings if isinstance(plan, Plan) else None
     if around is not None and robot is None and scene is None:
         assert isinstance(plan, Plan)
-        robot, scene, motion, certificate = *around[:2], plan.trajectory, plan.certificate
+        motion: Trajectory | Tour = plan.trajectory
+        robot, scene, certificate = around.robot, around.scene, plan.certificate
     else:
         robot = around.robot if robot is None and around is not None else robot
         if robot is None:
@@ -80,6 +84,8 @@ def view(
             )
         default = Scene() if around is None else around.scene
         scene = default if scene is None else scene
-        motion = plan if isinstance(plan, Trajectory) else plan.trajectory
-        certificate = certify(motion, robot, scene)
-    return Page(robot.chain.name, motion_page(motion, certificate, robot, scene).decode())
+        motion = plan.trajectory if isinstance(plan, Plan) else plan
+        whole = motion.trajectory if isinstance(motion, Tour) else motion
+        certificate = certify(whole, robot, scene)
+    made = library.motion_page(motion, certificate, robot, scene)
+    return Page(robot.chain.name, made.decode())

@@ -19,14 +19,9 @@ from obstacles.convex.triangles import Triangles, join, piece_triangles
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.visual_geometry import VisualBody, VisualGeometry
 from obstacles.scenes.scene import Obstacle, Scene
-from planning.proof.certificate import Certificate
 from planning.values.search_trees import WHOLE, Edge, Explored
 from service.fields import picked
-from service.translate.certificates import certificate_answer
-from service.version import VERSION
 from service.viewer.curves import clearance_curve, nearest, tool_speed_curve, torque_curve
-from service.viewer.page import page
-from service.viewer.words import certificate_sentences
 
 #: All triangles of a page together: with their text they stay below 8 of its 10 MB [byte].
 _BUDGET = 5_500_000
@@ -148,38 +143,6 @@ def _size(body: Body) -> int:
 def packed(values: Array | Indices) -> str:
     """The numbers of an array, in Base64."""
     return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()
-
-
-def motion_page(
-    motion: Trajectory, certificate: Certificate, robot: RobotGeometry, scene: Scene
-) -> bytes:
-    """The HTML page of a motion, UTF-8.
-
-    Args:
-        motion: The motion.
-        certificate: Certificate of it, made here.
-        robot: The robot with what it holds.
-        scene: The obstacles.
-    """
-    return page(
-        {
-            "title": robot.chain.name,
-            "id": None,
-            "operation": "POST /v1/validate",
-            "failed": False,
-            "created": None,
-            "version": VERSION,
-            "seed": None,
-            "digest": None,
-            **robot_document(robot, scene),
-            "motion": motion_document(motion, robot, scene, None),
-            "configurations": [],
-            "proved_here": certificate.verified,
-            "sentences": certificate_sentences(certificate_answer(certificate)),
-            "tree": None,
-            "request": {},
-        }
-    )
 
 
 _NO_LOOKS = VisualGeometry()

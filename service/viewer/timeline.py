@@ -70,6 +70,15 @@ def joined(parts: Sequence[Part], duration: float) -> Trajectory:
     return concatenate(motions)
 
 
+def marks(parts: Sequence[Part]) -> list[dict[str, Any]]:
+    """Labels of parts with the times of their beginnings, as JSON.
+
+    Args:
+        parts: Parts in order.
+    """
+    return [{"label": part.label, "begins": part.begins} for part in parts]
+
+
 def joined_curves(parts: Sequence[Part], tool_speed: float | None) -> dict[str, Any]:
     """Torque, tool speed and clearance of all parts in turn, each with what is held in it.
 

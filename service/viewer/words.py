@@ -1,6 +1,6 @@
 """Certificates and problems in words."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 #: Names of limits in sentences.
@@ -114,6 +114,50 @@ def against(certificate: Mapping[str, Any]) -> str:
     from planning.proof.premises import Premises  # noqa: PLC0415  all of planning, with numba
 
     return Premises.of_fields(told).against()
+
+
+def stage_label(stage: Mapping[str, Any]) -> str:
+    """Number, name and kind of a stage.
+
+    Args:
+        stage: Stage as the API answers it.
+    """
+    name = stage["kind"] if stage.get("name") is None else f"{stage['name']} ({stage['kind']})"
+    return f"{stage['index']}: {name}"
+
+
+def task_sentences(answer: Mapping[str, Any]) -> Iterator[str]:
+    """Sentences of a task: its duration, and the proof of each stage.
+
+    Args:
+        answer: Answer as the API gives it.
+    """
+    stages = answer["stages"]
+    proved = sum(stage["certificate"]["verified"] for stage in stages)
+    yield f"{answer['duration']:.3f} s; stages proved: {proved} of {len(stages)}."
+    if answer["status"] == "partial":
+        yield "The later stages could not be done: this is the beginning only."
+    for stage in stages:
+        words = [f"Stage {stage_label(stage)}", *proof_words(stage["certificate"])]
+        if stage.get("choice") is not None:
+            words.append(f"choice {stage['choice']}")
+        held = ", ".join(item["id"] for item in stage["after"]["attached"])
+        if held:
+            words.append(f"the robot holds {held}")
+        yield "; ".join(words) + "."
+
+
+def proof_words(certificate: Mapping[str, Any]) -> Iterator[str]:
+    """Parts of a sentence on the proof of a stage or leg.
+
+    Args:
+        certificate: Certificate as the API answers it.
+    """
+    yield f"{'proved' if certificate['verified'] else 'not proved'} {against(certificate)}"
+    clearance, pair = certificate.get("min_clearance"), certificate.get("clearance_pair")
+    if clearance is not None:
+        between = f" between {pair[0]} and {pair[1]}" if pair else ""
+        yield f"clearance at least {1000.0 * clearance:.1f} mm{between}"
 
 
 def problem_sentences(problem: Mapping[str, Any]) -> list[str]:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from planning.sequence.result import SequencePlan
 
 HOME, AWAY = [0.0, 0.5], [0.6, 0.1]
 
@@ -47,7 +46,7 @@ def test_a_trajectory_is_proved_for_its_page(plan: aw.Plan) -> None:
         aw.view(plan.trajectory)
 
 
-def test_a_tour_is_drawn_whole_and_a_task_says_how_it_is() -> None:
+def test_a_tour_is_drawn_whole_with_its_legs() -> None:
     robot, home = aw.load_robot("planar_rr"), np.array([0.0, 0.5])
     goals = tuple(
         aw.TourGoal(name, (aw.JointGoal(np.array([turn, 0.5])),), dwell=0.2)
@@ -59,14 +58,18 @@ def test_a_tour_is_drawn_whole_and_a_task_says_how_it_is() -> None:
         r'type="application/json">(.*?)</script>', aw.view(tour, robot).html, re.DOTALL
     )
     assert found is not None
-    breaks = json.loads(found[1])["motion"]["breaks"]
+    shown = json.loads(found[1])
+    breaks = shown["motion"]["breaks"]
     assert breaks[-1] - breaks[0] == pytest.approx(tour.time, abs=1e-6)
+    marks = {mark["label"]: mark["begins"] for mark in shown["stages"]}
+    first, second = tour.visits
+    assert marks == {
+        f"0: to goal {first.index}": 0.0,
+        f"1: to goal {second.index}": first.departure,
+        "2: to the end": second.departure,
+    }
     with pytest.raises(aw.ArmwrightError, match="does not tell its robot"):
         aw.view(tour)
-    task = SequencePlan((), 1.0, (), (), exhausted=False)
-    with pytest.raises(aw.ArmwrightError, match="task") as refused:
-        aw.view(task, robot)
-    assert "--whole" in str(refused.value.hint)
 
 
 def test_values_have_short_texts(plan: aw.Plan) -> None:

@@ -31,8 +31,8 @@ from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
 from service.translate.frames import configuration
 from service.viewer.document import Carrier, Configuration, carrier_document
-from service.viewer.timeline import Part, finger_tracks, joined, joined_curves
-from service.viewer.words import against
+from service.viewer.timeline import Part, finger_tracks, joined, joined_curves, marks
+from service.viewer.words import proof_words, stage_label, task_sentences
 
 
 class Shown(NamedTuple):
@@ -76,7 +76,7 @@ def task_shown(
     alone = with_fingers(geometry, body.fingers or {})
     parts = _parts(answer, robot, around, body)
     extra = {
-        "stages": _marks(parts),
+        "stages": marks(parts),
         "carriers": {item.id: [*_carriers(item, robot, stages)] for item in moved},
         "fingers": finger_tracks(alone, parts),
     }
@@ -84,7 +84,7 @@ def task_shown(
         RobotInScene(alone, Scene(still)),
         joined(parts, answer["duration"]),
         [],
-        [*_task_sentences(answer)],
+        [*task_sentences(answer)],
         extra,
         moved,
         joined_curves(parts, body.timing.tool_speed),
@@ -145,7 +145,7 @@ def tour_shown(
         joined(parts, answer["time"]),
         [],
         [*_tour_sentences(answer, parts)],
-        {"stages": _marks(parts)},
+        {"stages": marks(parts)},
         curves=joined_curves(parts, body.timing.tool_speed),
     )
 
@@ -229,7 +229,7 @@ def _stage_part(stage: Mapping[str, Any], cell: StageCell) -> Part:
     """A stage with what is held in it, which is what is held after it."""
     moved = stage.get("fingers")
     return Part(
-        _label(stage),
+        stage_label(stage),
         float(stage["begins"]),
         trajectories.answered_trajectory(stage["trajectory"], cell.last.robot.chain)[0],
         cell.first.robot,
@@ -263,31 +263,6 @@ def _carriers(
         yield carrier_document(Carrier(float(stage["begins"]), joint, T))
 
 
-def _marks(parts: Sequence[Part]) -> list[dict[str, Any]]:
-    return [{"label": part.label, "begins": part.begins} for part in parts]
-
-
-def _label(stage: Mapping[str, Any]) -> str:
-    name = stage["kind"] if stage.get("name") is None else f"{stage['name']} ({stage['kind']})"
-    return f"{stage['index']}: {name}"
-
-
-def _task_sentences(answer: Mapping[str, Any]) -> Iterator[str]:
-    stages = answer["stages"]
-    proved = sum(stage["certificate"]["verified"] for stage in stages)
-    yield f"{answer['duration']:.3f} s; stages proved: {proved} of {len(stages)}."
-    if answer["status"] == "partial":
-        yield "The later stages could not be done: this is the beginning only."
-    for stage in stages:
-        words = [f"Stage {_label(stage)}", *_proof(stage["certificate"])]
-        if stage.get("choice") is not None:
-            words.append(f"choice {stage['choice']}")
-        held = ", ".join(item["id"] for item in stage["after"]["attached"])
-        if held:
-            words.append(f"the robot holds {held}")
-        yield "; ".join(words) + "."
-
-
 def _tour_sentences(answer: Mapping[str, Any], parts: Sequence[Part]) -> Iterator[str]:
     legs = answer["legs"]
     proved = sum(leg["certificate"]["verified"] for leg in legs)
@@ -298,12 +273,4 @@ def _tour_sentences(answer: Mapping[str, Any], parts: Sequence[Part]) -> Iterato
     for one in answer["unvisited"]:
         yield f"Goal {one['id']} is left out: {one['message']}."
     for leg, part in zip(legs, parts, strict=True):
-        yield "; ".join([f"Leg {part.label}", *_proof(leg["certificate"])]) + "."
-
-
-def _proof(certificate: Mapping[str, Any]) -> Iterator[str]:
-    yield f"{'proved' if certificate['verified'] else 'not proved'} {against(certificate)}"
-    clearance, pair = certificate.get("min_clearance"), certificate.get("clearance_pair")
-    if clearance is not None:
-        between = f" between {pair[0]} and {pair[1]}" if pair else ""
-        yield f"clearance at least {1000.0 * clearance:.1f} mm{between}"
+        yield "; ".join([f"Leg {part.label}", *proof_words(leg["certificate"])]) + "."
