@@ -44,6 +44,7 @@ _MODULES = {
     "export": "files",
     "sweep": "files",
     "view": "view",
+    "replay": "view",
     "studio": "studio",
     "mcp": "studio",
     "robots": "robots",

@@ -142,14 +142,54 @@ class LocalBackend:
         """
         from service.endpoints.plans.view import view  # noqa: PLC0415
 
-        stored: AbstractContextManager[Reference | None] = nullcontext()
-        if scene is not None:
-            stored = self._stored(scene, scene["name"])
-        with stored as reference:
+        with self._place(scene) as reference:
             content = json.dumps(self._proved(robot, reference, plan)).encode()
             mount = mount_of(plan["request"], partial(self._tool, robot))
             shown = replace(self._reference(robot), mount=mount)
             return bytes(self._run(view, [shown, reference, content, tree]))
+
+    def replay(
+        self,
+        robot: str,
+        plan: dict[str, Any],
+        scene: dict[str, Any] | None,
+        changes: dict[str, Any],
+    ) -> dict[str, Any]:
+        """The comparison of a kept answer with that of here, as ``replay`` of a service answers it.
+
+        Args:
+            robot: The name of the robot.
+            plan: Stored plan as ``GET /v1/plans/{id}`` answers it.
+            scene: Scene that the request names, with this name; None where it names none.
+            changes: Merge patch of the request.
+
+        Raises:
+            ProblemError: The file has no answer, or nothing was computed.
+        """
+        from service.endpoints.plans.replay import merge, problem_of  # noqa: PLC0415
+        from service.http.keeping import compared  # noqa: PLC0415
+
+        told = plan.get("answer") or plan.get("problem")
+        if not told:
+            raise ProblemError(
+                "VALIDATION_ERROR",
+                "the file has no request with its answer, so that nothing can be compared",
+                hint="Give a bundle, a kept plan, or the file that `--whole` wrote.",
+            )
+        path = plan["operation"].removeprefix("POST ")
+        request = {name: value for name, value in plan["request"].items() if name != "keep"}
+        with self._place(scene) as reference:
+            try:
+                own = self._answer(answering(path), robot, reference, merge(request, changes))
+                field = "answer"
+            except (ProblemError, ArmwrightError) as error:
+                own, field = problem_of(error, path), "problem"
+        same = compared(json.dumps(told).encode(), own)
+        return same._asdict() | {"plan_id": None, field: json.loads(own)}
+
+    def _place(self, scene: dict[str, Any] | None) -> AbstractContextManager[Reference | None]:
+        """The scene that a kept request names, stored for as long as the block lasts."""
+        return nullcontext() if scene is None else self._stored(scene, scene["name"])
 
     def _proved(self, robot: str, scene: Reference | None, plan: dict[str, Any]) -> dict[str, Any]:
         """A kept plan that is proved here where the answer of here is its own."""

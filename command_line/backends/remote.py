@@ -191,18 +191,21 @@ class RemoteBackend:
         finally:
             self._send("DELETE", path)
 
-    def page(self, plan_id: str, *, tree: bool = False) -> bytes:
-        """The HTML page of a kept plan.
+    def of_plan(
+        self, method: str, plan_id: str, door: str, body: dict[str, Any] | None = None
+    ) -> bytes:
+        """The answer of one of the addresses of a kept plan.
 
         Args:
+            method: GET or POST.
             plan_id: Id of the plan.
-            tree: Whether to draw the tree or roadmap of the last planner.
+            door: Last part of the address: "view", "replay".
+            body: The request, if there is one.
 
         Raises:
             CommandProblem: There is no such plan, or the service does not answer.
         """
-        query = "?tree=true" if tree else ""
-        return self._send("GET", f"/v1/plans/{quote(plan_id, safe='')}/view{query}")
+        return self._send(method, f"/v1/plans/{quote(plan_id, safe='')}/{door}", body)
 
     def readiness(self) -> str:
         """The state of its workers, in words.

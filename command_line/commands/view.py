@@ -1,4 +1,4 @@
-"""The command ``armwright view``: the page of a plan in a file, or of one that a service keeps."""
+"""The commands ``armwright view`` and ``replay`` of plans in files, or of those a service keeps."""
 
 import json
 import webbrowser
@@ -11,9 +11,9 @@ import typer
 import armwright_client
 from command_line import values
 from command_line.backends.backend import at, here
-from command_line.output import print_line, save
+from command_line.output import print_answer, print_line, save
 from command_line.parameters import Connection, Mounted, RobotSource, Scene, command
-from command_line.problems import invalid_value
+from command_line.problems import CommandProblem, invalid_value, negative
 from command_line.robot_files import STANDARD_INPUT, read_json
 
 if TYPE_CHECKING:
@@ -50,15 +50,15 @@ def view(
 ) -> None:
     """Write one HTML page that shows a plan and its proof, or why there is no motion."""
     file = Path(source)
-    is_file = file.is_file() or source == STANDARD_INPUT
-    if not is_file and file.suffix:
-        raise invalid_value("FILE|ID", f"there is no file {source!r}")
-    if is_file:
-        content = _of_file(file, robot, scene, values.mounted(mounted), tree=tree)
+    if _is_file(source):
+        with closing(here()) as backend:
+            name, plan, place = _read(backend, file, robot, scene)
+            plan["request"] |= values.mounted(mounted)
+            content = backend.page(name, plan, place, tree=tree)
     else:
         address = connection.url or armwright_client.DEFAULT_URL
         with closing(at(address, connection.token)) as service:
-            content = service.page(source, tree=tree)
+            content = service.of_plan("GET", source, f"view?tree={str(tree).lower()}")
     stem = "plan" if source == STANDARD_INPUT else source
     page = output or (file.with_suffix(".html") if file.is_file() else Path(f"{stem}.html"))
     save(page, content)
@@ -68,23 +68,84 @@ def view(
         print_line(str(page))
 
 
-def _of_file(
-    file: Path, robot: str | None, scene: str | None, tool: dict[str, Any], *, tree: bool
-) -> bytes:
+@command
+def replay(
+    connection: Connection,
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|ID",
+            help="Bundle, kept plan or file of --whole, or the id of a plan that the service at "
+            "--url keeps.",
+        ),
+    ],
+    robot: Annotated[
+        str | None, typer.Option(help="Robot of a file that does not hold it, as in `plan`.")
+    ] = None,
+    scene: Scene = None,
+    changes: Annotated[
+        str | None,
+        typer.Option(help="Fields to change, JSON or its file, as a merge patch: null removes."),
+    ] = None,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Keep the replay at the service of --url.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the new answer to this file.")
+    ] = None,
+) -> None:
+    """Answer a kept request once more, and compare; exit with 1 where the answer is another."""
+    patch = None if changes is None else values.read_value("--changes", changes)
+    if not isinstance(patch, dict | None):
+        raise invalid_value("--changes", f"{changes!r} are no fields", 'As in {"seed": 3}.')
+    if _is_file(source):
+        if keep:
+            raise invalid_value("--keep", "only a service keeps plans", "Give --url and an id.")
+        with closing(here()) as backend:
+            name, plan, place = _read(backend, Path(source), robot, scene)
+            told = backend.replay(name, plan, place, patch or {})
+    else:
+        address = connection.url or armwright_client.DEFAULT_URL
+        with closing(at(address, connection.token)) as service:
+            asked = {"changes": patch, "keep_replay": keep or None}
+            told = json.loads(service.of_plan("POST", source, "replay", asked))
+    if output is not None and told.get("answer"):
+        save(output, json.dumps(told["answer"]).encode())
+    if told.get("problem") and not told["same"]:
+        raise CommandProblem(told["problem"])
+    print_answer(told, connection.as_json)
+    print_line("the answer is the same" if told["same"] else "the answer is another, at:", "bold")
+    for pointer in told["differences"]:
+        print_line(pointer)
+    if told.get("plan_id"):
+        print_line(f"kept as {told['plan_id']}")
+    if not told["same"] and patch is None:
+        raise negative()
+
+
+def _is_file(source: str) -> bool:
+    """Whether an argument is a file, not the id of a plan."""
+    file = Path(source)
+    is_file = file.is_file() or source == STANDARD_INPUT
+    if not is_file and file.suffix:
+        raise invalid_value("FILE|ID", f"there is no file {source!r}")
+    return is_file
+
+
+def _read(
+    backend: "LocalBackend", file: Path, robot: str | None, scene: str | None
+) -> tuple[str, dict[str, Any], dict[str, Any] | None]:
+    """The robot of a file, its plan, and the stored scene that its request names."""
     document = read_json(file)
-    with closing(here()) as backend:
-        if "armwright_bundle" in document:
-            name, plan, place = _of_bundle(document, backend)
-        else:
-            named = document.get("robot")
-            source = robot or (named["name"] if isinstance(named, dict) else None)
-            if source is None:
-                raise invalid_value(str(file), "it does not say which robot it is of",
-                                    "Name the robot with --robot.")  # fmt: skip
-            name = backend.robot_name(RobotSource(source))
-            plan, place = _plan(document, name, scene)
-            plan["request"] = plan["request"] | tool
-        return backend.page(name, plan, place, tree=tree)
+    if "armwright_bundle" in document:
+        return _of_bundle(document, backend)
+    named = document.get("robot")
+    source = robot or (named["name"] if isinstance(named, dict) else None)
+    if source is None:
+        raise invalid_value(str(file), "it does not say which robot it is of",
+                            "Name the robot with --robot.")  # fmt: skip
+    name = backend.robot_name(RobotSource(source))
+    return name, *_plan(document, name, scene)
 
 
 def _of_bundle(

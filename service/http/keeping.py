@@ -12,7 +12,7 @@ import time
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any
+from typing import Any, NamedTuple
 
 from fastapi import Request, Response
 from pydantic import BaseModel
@@ -20,6 +20,7 @@ from pydantic_core import from_json, to_json
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.base import Keepable
+from armwright_wire.plans.kept_plan import MAX_DIFFERENCES
 from kinematics.errors import ArmwrightError
 from service.access.authentication import caller_of
 from service.http.audit import check_answer
@@ -203,16 +204,27 @@ def answer_digest(content: bytes) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def differences(first: bytes, second: bytes, limit: int) -> list[str]:
-    """JSON pointers (RFC 6901) to the first values that two answers do not have in common.
+class Comparison(NamedTuple):
+    """Comparison of two answers, without measured times.
 
     Args:
-        first: JSON.
-        second: JSON.
-        limit: How many at most.
+        same: They are equal.
+        differences: JSON pointers (RFC 6901) to the first values that they do not have in common.
+        digest: SHA-256 of the second.
     """
+
+    same: bool
+    differences: list[str]
+    digest: str
+
+
+def compared(first: bytes, second: bytes) -> Comparison:
+    """The comparison of two answers or problems, JSON."""
+    digest = answer_digest(second)
+    if digest == answer_digest(first):
+        return Comparison(True, [], digest)
     values = _reproducible(json.loads(first)), _reproducible(json.loads(second))
-    return list(islice(_pointers(*values, ""), limit))
+    return Comparison(False, list(islice(_pointers(*values, ""), MAX_DIFFERENCES)), digest)
 
 
 def _reproducible(value: Any) -> Any:

@@ -151,3 +151,66 @@ def test_an_answer_of_somebody_is_proved_anew(
     shown = page(run, tmp_path, forged, *words)
     assert "Not proved here" in shown
     assert "Everything that the request names is proved" not in shown
+
+
+def test_a_bundle_is_replayed_and_compared(
+    run: Run, tmp_path: Path, bundle: dict[str, Any]
+) -> None:
+    file, new = tmp_path / "plan.json", tmp_path / "new.json"
+    file.write_text(json.dumps(bundle))
+    told = run("replay", str(file), "-o", str(new))
+    assert (told.code, told.out) == (0, "the answer is the same\n")
+    assert answer_digest(new.read_bytes()) == bundle["digest"]
+    changed = run("replay", str(file), "--changes", '{"margin": 0.01}', "--json")
+    assert changed.code == 0, changed.err
+    found = json.loads(changed.out)
+    assert not found["same"]
+    assert "/certificate/premises/margin" in found["differences"]
+    assert found["answer"]["certificate"]["premises"]["margin"] == 0.01
+    forged = json.loads(bundle["answer"])
+    forged["certificate"]["min_clearance"] = 7.0
+    text = json.dumps(forged)
+    file.write_text(json.dumps(bundle | {"answer": text, "digest": answer_digest(text.encode())}))
+    other = run("replay", str(file))
+    assert other.code == 1
+    assert other.out == "the answer is another, at:\n/certificate/min_clearance\n"
+
+
+def test_a_replay_of_a_failure_fails_the_same(
+    run: Run, tmp_path: Path, bundle: dict[str, Any]
+) -> None:
+    goal: dict[str, Any] = {"pose": {"position": [9.0, 0.0, 9.0]}}
+    file, far = tmp_path / "plan.json", json.dumps({"goal": goal | {"joints": None}})
+    file.write_text(json.dumps(bundle))
+    failed = run("replay", str(file), "--changes", far, "--json")
+    assert failed.code == 4, failed.err
+    problem = json.loads(failed.out)
+    assert problem["code"] == "NO_IK_SOLUTION"
+    request = json.loads(bundle["request"]) | {"goal": goal}
+    kept = {"operation": "POST /v1/plan", "request": request, "problem": problem}
+    file.write_text(json.dumps(kept))
+    scene = tmp_path / "room.json"
+    scene.write_text(bundle["scene_document"])
+    words = ("replay", str(file), "--robot", "planar_rr", "--scene", str(scene))
+    assert run(*words).out == "the answer is the same\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--keep"], "only a service keeps plans"),
+        (["--changes", "[1]"], "are no fields"),
+        (["--changes", '{"star": 1}'], "star"),
+    ],
+)
+def test_a_replay_says_what_it_can_not_do(
+    run: Run, tmp_path: Path, bundle: dict[str, Any], words: list[str], told: str
+) -> None:
+    file = tmp_path / "plan.json"
+    file.write_text(json.dumps(bundle))
+    refused = run("replay", str(file), *words)
+    assert refused.code == 3
+    assert told in refused.err
+    file.write_text(bundle["answer"])
+    alone = run("replay", str(file), "--robot", "planar_rr")
+    assert (alone.code, "--whole" in alone.err) == (3, True)

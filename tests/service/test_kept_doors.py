@@ -176,6 +176,8 @@ def test_the_shell_shows_and_writes_it(kept: Kept, run: Run, tmp_path: Path) -> 
     scene.write_text(json.dumps(CELL))
     there = run("view", kept.id, "--url", url, "-o", str(tmp_path / "page.html"))
     assert there.code == 0, there.err
+    again = run("replay", kept.id, "--url", url)
+    assert (again.code, again.out) == (0, "the answer is the same\n"), again.err
     for name, path in files(kept, tmp_path).items():
         words = ["--scene", str(scene)] if name != "bundle" else []
         robot = ["--robot", "ur5e"] if name == "answer" else []
@@ -188,6 +190,9 @@ def test_the_shell_shows_and_writes_it(kept: Kept, run: Run, tmp_path: Path) -> 
             assert "`--whole`" in written.err
             continue
         assert shown.code == 0, shown.err
+        if name != "answer":
+            here = run("replay", str(path), *words, "--robot", "ur5e")
+            assert here.out.startswith("the answer is the same"), here.err + here.out
         assert written.code == 0, written.err
         assert "PROVED free of collisions" in Path(csv).read_text()
 

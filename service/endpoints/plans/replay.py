@@ -111,9 +111,23 @@ async def replay_plan(
             scope.setdefault("fastapi_middleware_astack", stack)
             sent = await send_again(request.app.router, scope, body, request.receive)
     except (ProblemError, ArmwrightError) as error:
-        problem = from_domain(error) if isinstance(error, ArmwrightError) else error
-        if status_of(problem) not in _ANSWERING or problem.code == "VALIDATION_ERROR":
-            raise
-        content = json.dumps(document(problem, record.path), ensure_ascii=False).encode()
+        content = problem_of(error, record.path)
         return Replayed(content, succeeded=False, plan_id=scope.get(KEPT_PLAN))
     return Replayed(bytes(sent.body), succeeded=True, plan_id=scope.get(KEPT_PLAN))
+
+
+def problem_of(error: ProblemError | ArmwrightError, path: str) -> bytes:
+    """The problem document that answers a request.
+
+    Args:
+        error: Reason for which there is no other answer.
+        path: Path of the request.
+
+    Raises:
+        ProblemError: Nothing was computed.
+        ArmwrightError: Nothing was computed.
+    """
+    problem = from_domain(error) if isinstance(error, ArmwrightError) else error
+    if status_of(problem) not in _ANSWERING or problem.code == "VALIDATION_ERROR":
+        raise error
+    return json.dumps(document(problem, path), ensure_ascii=False).encode()

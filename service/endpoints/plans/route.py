@@ -20,7 +20,6 @@ from pydantic_core import to_json
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.plans.kept_plan import (
-    MAX_DIFFERENCES,
     Bundle,
     DocumentName,
     KeptPlan,
@@ -40,7 +39,7 @@ from service.endpoints.plans.replay import pinned_references, replay_plan, repla
 from service.fields import picked
 from service.http import answers
 from service.http.json_route import json_router
-from service.http.keeping import answer_digest, differences, named_robot, new_plan_id, states_proof
+from service.http.keeping import answer_digest, compared, named_robot, new_plan_id, states_proof
 from service.http.state import REPLAY, Replay, retention, settings_of, store_of
 from service.storage.caches.cache_key import Reference
 from service.storage.caches.prepared_files import document_hash
@@ -375,16 +374,8 @@ async def replay(id: str, body: ReplayRequest, request: Request) -> Response:  #
     pinned = pinned_references(request, record) if body.documents == "kept" else ()
     again = replayed_body(content, body.changes, body.keep_replay)
     result = await replay_plan(request, record, again, pinned)
-    digest = await run_in_threadpool(answer_digest, result.content)
-    same = digest == record.digest
-    found = (
-        []
-        if same
-        else await run_in_threadpool(differences, content.answer, result.content, MAX_DIFFERENCES)
-    )
-    head = to_json(
-        {"same": same, "differences": found, "digest": digest, "plan_id": result.plan_id}
-    )
+    found = await run_in_threadpool(compared, content.answer, result.content)
+    head = to_json(found._asdict() | {"plan_id": result.plan_id})
     field = b"answer" if result.succeeded else b"problem"
     answer = head[:-1] + b',"%s":' % field + result.content + b"}"
     return Response(answer, media_type="application/json")
