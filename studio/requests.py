@@ -1,13 +1,17 @@
-"""Requests of the studio's state, and the obstacles of the scene editor.
+"""Requests of the studio's state, uploads of robots, and the obstacles of the scene editor.
 
-Files are scenes in JSON, planning scenes of MoveIt, and meshes. The readers are the application's
-own, so that a file means here what it means to the service.
+Files are robots, scenes in JSON, planning scenes of MoveIt, and meshes. The readers are the
+application's own, so that a file means here what it means to the service.
 """
 
+import io
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
+from zipfile import ZipFile, is_zipfile
 
 import numpy as np
 from pydantic import ValidationError
@@ -24,6 +28,7 @@ from armwright_client import (
     Cone,
     Convex,
     Cylinder,
+    DefaultLimits,
     FramedPose,
     Goal,
     Halfspace,
@@ -33,6 +38,9 @@ from armwright_client import (
     PlanRequest,
     PointCloud,
     Pose,
+    RobotArchive,
+    RobotOptions,
+    RobotUpload,
     Scene,
     Sphere,
     Start,
@@ -46,6 +54,10 @@ from obstacles.scenes.moveit import scene_from_moveit
 from studio.pose import rotation
 from studio.state import Failure, Outcome, Planned, StudioState, TaskPlanned, TourPlanned, failure
 
+#: URDF knows no accelerations: without a rule no uploaded robot could be planned for.
+_RULES = DefaultLimits(acceleration="10 x velocity")
+#: Largest size of an archive that is unpacked here [byte].
+_MOST_UNPACKED = 512 * 2**20
 #: Inverse kinematics while a goal is dragged may take this long [s].
 _LIVE_TIMEOUT = 2.0
 #: Solutions that are drawn at once; more would hide each other.
@@ -485,3 +497,53 @@ def _pose(position: Any, turn: Any) -> FramedPose:
     return FramedPose(
         position=[float(value) for value in position], quaternion_xyzw=turn.as_quat().tolist()
     )
+
+
+def robot_upload(
+    file_name: str, content: bytes, tip_link: str | None
+) -> RobotUpload | RobotArchive:
+    """The upload of a URDF, a xacro or MJCF file, or a .zip with one of them and its meshes.
+
+    xacro and MJCF become URDF here, in the studio's own process, and never in the service.
+
+    Args:
+        file_name: Name whose stem becomes the robot's name.
+        content: Content of the file.
+        tip_link: Link that the chain ends at, for a tree with several arms.
+
+    Raises:
+        ValueError: The file is of another kind, or can't be expanded.
+    """
+    stem, _, suffix = file_name.rpartition(".")
+    options: RobotOptions = {"default_limits": _RULES}
+    if tip_link is not None:
+        options["tip_link"] = tip_link
+    is_model = suffix.lower() == "xml" and b"<mujoco" in content
+    if suffix.lower() in ("urdf", "xml") and not is_model:
+        return RobotUpload(name=stem, urdf=content.decode("utf-8"), **options)
+    if suffix.lower() not in ("zip", "xacro") and not is_model:
+        raise ValueError(f"{file_name}: give a .urdf, .xacro or MJCF, or a .zip with its meshes")
+    stem = stem.removesuffix(".urdf")
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"robot.{suffix.lower()}"
+        if suffix.lower() != "zip":
+            path.write_bytes(content)
+        elif _unpacked(file_name, content, folder):
+            path = Path(folder)
+        else:
+            return RobotArchive(stem, content, options)
+        return RobotUpload.from_urdf(path, name=stem, **options)
+
+
+def _unpacked(file_name: str, content: bytes, folder: str) -> bool:
+    """Unpack an archive that has a .xacro or .xml and no .urdf; whether it is one."""
+    if not is_zipfile(io.BytesIO(content)):
+        return False
+    with ZipFile(io.BytesIO(content)) as archive:
+        suffixes = {Path(name).suffix.lower() for name in archive.namelist()}
+        if ".urdf" in suffixes or suffixes.isdisjoint((".xacro", ".xml")):
+            return False
+        if sum(item.file_size for item in archive.infolist()) > _MOST_UNPACKED:
+            raise ValueError(f"{file_name} unpacks to more than {_MOST_UNPACKED >> 20} MiB")
+        archive.extractall(folder)
+    return True

@@ -1,27 +1,19 @@
 """Commands of the studio: each changes the state or asks the service, and knows no browser."""
 
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any, Literal
-from zipfile import ZipFile, is_zipfile
 
 from armwright_client import (
     CheckAnswer,
     Client,
-    DefaultLimits,
     FramedPose,
     NoIkSolution,
     Obstacle,
     Pose,
     Robot,
-    RobotArchive,
-    RobotOptions,
-    RobotUpload,
     Scene,
 )
 from armwright_client.call import Call
@@ -40,6 +32,7 @@ from studio.requests import (
     plan,
     plan_request,
     read_obstacles,
+    robot_upload,
     set_fields,
 )
 from studio.settings_form import (
@@ -74,10 +67,6 @@ _NEW_PLACE = (0.4, 0.3, 0.3)
 _HELD = 0.8
 #: Joints without limits are drawn between these positions [rad or m].
 _FREE_RANGE = 3.141592653589793
-#: URDF knows no accelerations: without a rule no uploaded robot could be planned for.
-_RULES = DefaultLimits(acceleration="10 x velocity")
-#: Largest size of an archive that is unpacked here [byte].
-_MOST_UNPACKED = 512 * 2**20
 #: What is planned.
 Kind = Literal["motion", "task", "tour", "tool path"]
 
@@ -408,11 +397,19 @@ class Workbench:
         """Links that may touch a load: the mounted tool, or those that do not move in the tip."""
         if self.state.tool is not None:
             return [self.state.tool]
-        rows = [self.state.start, [q + 0.1 for q in self.state.start]]
-        poses = self.link_poses_of(rows)
+        poses = self._poses_twice()
         tips = poses[self.model.tip_link]
         bodies = self.geometry().bodies
         return sorted({body.link for body in bodies if stays_in(poses[body.frame], tips)})
+
+    def still_links(self) -> list[str]:
+        """Links that no joint of the robot moves."""
+        origin = [Pose.at(0.0, 0.0, 0.0)] * 2
+        return [name for name, rows in self._poses_twice().items() if stays_in(rows, origin)]
+
+    def _poses_twice(self) -> dict[str, list[Pose]]:
+        """Poses of all links at the start and with all joints elsewhere."""
+        return self.link_poses_of([self.state.start, [q + 0.1 for q in self.state.start]])
 
     def undo(self) -> None:
         """Take the latest change back."""
@@ -474,11 +471,9 @@ class Workbench:
         """
         if frame in (self.model.frame, "world"):
             return Pose.at(0.0, 0.0, 0.0)
-        poses = self.link_poses_of([self.state.start, [q + 0.1 for q in self.state.start]])
-        origin = [Pose.at(0.0, 0.0, 0.0)] * 2
-        if frame not in poses or not stays_in(poses[frame], origin):
+        if frame not in self.still_links():
             raise ValueError(f"frame {frame!r} is no link that stands still")
-        return poses[frame][0]
+        return self.link_poses(self.state.start)[frame]
 
     def _change(self, state: StudioState, key: str | None = None) -> None:
         self.history = self.history.change(state, key)
@@ -546,53 +541,3 @@ def home(model: Robot) -> tuple[float, ...]:
     if model.states:
         return tuple(next(iter(model.states.values())))
     return tuple(0.5 * (low + high) for low, high in joint_ranges(model))
-
-
-def robot_upload(
-    file_name: str, content: bytes, tip_link: str | None
-) -> RobotUpload | RobotArchive:
-    """The upload of a URDF, a xacro or MJCF file, or a .zip with one of them and its meshes.
-
-    xacro and MJCF become URDF here, in the studio's own process, and never in the service.
-
-    Args:
-        file_name: Name whose stem becomes the robot's name.
-        content: Content of the file.
-        tip_link: Link that the chain ends at, for a tree with several arms.
-
-    Raises:
-        ValueError: The file is of another kind, or can't be expanded.
-    """
-    stem, _, suffix = file_name.rpartition(".")
-    options: RobotOptions = {"default_limits": _RULES}
-    if tip_link is not None:
-        options["tip_link"] = tip_link
-    is_model = suffix.lower() == "xml" and b"<mujoco" in content
-    if suffix.lower() in ("urdf", "xml") and not is_model:
-        return RobotUpload(name=stem, urdf=content.decode("utf-8"), **options)
-    if suffix.lower() not in ("zip", "xacro") and not is_model:
-        raise ValueError(f"{file_name}: give a .urdf, .xacro or MJCF, or a .zip with its meshes")
-    stem = stem.removesuffix(".urdf")
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / f"robot.{suffix.lower()}"
-        if suffix.lower() != "zip":
-            path.write_bytes(content)
-        elif _unpacked(file_name, content, folder):
-            path = Path(folder)
-        else:
-            return RobotArchive(stem, content, options)
-        return RobotUpload.from_urdf(path, name=stem, **options)
-
-
-def _unpacked(file_name: str, content: bytes, folder: str) -> bool:
-    """Unpack an archive that has a .xacro or .xml and no .urdf; whether it is one."""
-    if not is_zipfile(io.BytesIO(content)):
-        return False
-    with ZipFile(io.BytesIO(content)) as archive:
-        suffixes = {Path(name).suffix.lower() for name in archive.namelist()}
-        if ".urdf" in suffixes or suffixes.isdisjoint((".xacro", ".xml")):
-            return False
-        if sum(item.file_size for item in archive.infolist()) > _MOST_UNPACKED:
-            raise ValueError(f"{file_name} unpacks to more than {_MOST_UNPACKED >> 20} MiB")
-        archive.extractall(folder)
-    return True

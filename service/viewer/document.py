@@ -16,6 +16,7 @@ from kinematics.forward import forward
 from kinematics.model.chain import Chain, JointType, MimicJoint
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.convex.triangles import Triangles, join, piece_triangles
+from obstacles.robots.built_in_looks import built_in_looks
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.visual_geometry import VisualBody, VisualGeometry
 from obstacles.scenes.scene import Obstacle, Scene
@@ -145,7 +146,6 @@ def packed(values: Array | Indices) -> str:
     return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()
 
 
-_NO_LOOKS = VisualGeometry()
 #: Two bodies in a sentence: 'hand' and 'table' overlap.
 _PAIR = re.compile(r"'([^']+)' and '([^']+)'")
 
@@ -238,7 +238,7 @@ def robot_document(
     robot: RobotGeometry,
     scene: Scene,
     moved: Sequence[Obstacle] = (),
-    looks: VisualGeometry = _NO_LOOKS,
+    looks: VisualGeometry | None = None,
 ) -> dict[str, Any]:
     """Kinematics and bodies of a robot among obstacles.
 
@@ -246,12 +246,13 @@ def robot_document(
         robot: The robot with what it holds.
         scene: The obstacles.
         moved: Objects that are carried from one place to another.
-        looks: Visual geometry of the links, drawn in place of their collision geometry.
+        looks: Visual geometry of the links, drawn in place of their collision geometry; None for
+            the looks of a built-in arm.
     """
     chain = robot.chain
     tip = chain.links[chain.index[chain.tip_link]]
     solid = bodies(robot, scene, moved)
-    seen, left_out = visual_bodies(chain, looks, solid)
+    seen, left_out = visual_bodies(chain, looks or built_in_looks(chain), solid)
     drawn = [*solid, *seen]
     return {
         "robot": chain.name,

@@ -5,9 +5,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import trimesh
 import viser
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 from armwright_client import (
     Box,
@@ -48,9 +49,8 @@ _HANDLE = 0.18
 _CORNER = 0.1
 #: Least size that handles and numbers give [m].
 MIN_SIZE = 0.005
-#: Corners of a drawn circle, and rings of a drawn ball.
+#: Corners of a drawn circle.
 _CIRCLE = 24
-_RINGS = 8
 
 
 class Surface(NamedTuple):
@@ -129,7 +129,7 @@ class RobotDrawing:
                     body.faces,
                     color=body.color or color,
                     opacity=None if opacity == 1.0 else opacity,
-                    flat_shading=True,
+                    flat_shading=kind == "solid",
                     side="double",
                     visible=kind == "solid",
                 )
@@ -190,7 +190,7 @@ class GhostDrawing:
 
     Args:
         scene: Scene of viser to draw in.
-        bodies: Surfaces of the links.
+        bodies: Surfaces of the links that move: the base of the robot itself is there.
         tip: Link that carries the labels.
     """
 
@@ -457,38 +457,28 @@ def _draw(
             vertices, faces = np.array(shape.vertices), np.array(shape.faces)
             return scene.add_mesh_simple(name, vertices, faces, color=color, side="double")
         case Convex() | Capsule() | Cone():
-            corners = _corners(shape)
-            hull = ConvexHull(corners).simplices
+            hull = _hull(shape)
             return scene.add_mesh_simple(
-                name, corners, hull, color=color, flat_shading=True, side="double"
+                name, hull.vertices, hull.faces, color=color, flat_shading=True, side="double"
             )
 
 
-def _corners(shape: Convex | Capsule | Cone) -> NDArray[np.float64]:
-    """Points whose convex hull is drawn, shape (k, 3) [m]."""
-    if isinstance(shape, Convex):
-        return np.array(shape.vertices, dtype=float)
-    angles = np.linspace(0.0, 2.0 * np.pi, _CIRCLE, endpoint=False)
-    circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_CIRCLE)])
-    half = 0.5 * shape.height
-    if isinstance(shape, Cone):
-        return np.vstack([shape.radius * circle - [0.0, 0.0, half], [[0.0, 0.0, half]]])
-    rows = []
-    for polar in np.linspace(0.0, 0.5 * np.pi, _RINGS):
-        ring = shape.radius * np.cos(polar) * circle
-        top = half + shape.radius * np.sin(polar)
-        offset = np.array([0.0, 0.0, top])
-        rows += [ring + offset, ring - offset]
-    return np.vstack(rows)
+def _hull(shape: Convex | Capsule | Cone) -> trimesh.Trimesh:
+    """The surface of a shape about its centre."""
+    match shape:
+        case Convex():
+            return trimesh.convex.convex_hull(np.array(shape.vertices, dtype=float))
+        case Cone():
+            made = trimesh.creation.cone(shape.radius, shape.height, sections=_CIRCLE)
+        case Capsule():
+            made = trimesh.creation.capsule(shape.height, shape.radius, count=[_CIRCLE, _CIRCLE])
+    made.apply_translation(-made.bounds.mean(axis=0))  # some begin at z = 0
+    return made
 
 
 def _plane(shape: Halfspace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Position and quaternion of the plate that stands for a half-space."""
     normal = np.array(shape.normal, dtype=float)
     length = float(np.linalg.norm(normal))
-    normal = normal / length
-    # The quaternion that turns z into the normal is the half-way one: (1 + z·n, z × n).
-    quaternion = np.array([1.0 + normal[2], -normal[1], normal[0], 0.0])
-    if 1.0 + normal[2] < 1e-9:  # the normal is -z: half a turn about x
-        quaternion = np.array([0.0, 1.0, 0.0, 0.0])
-    return normal * shape.offset / length, quaternion / np.linalg.norm(quaternion)
+    turn, _ = Rotation.align_vectors([normal / length], [[0.0, 0.0, 1.0]])
+    return normal * shape.offset / length**2, turn.as_quat(scalar_first=True)

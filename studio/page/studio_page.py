@@ -48,6 +48,8 @@ FIRST_ROBOT = "panda"
 HOST = "127.0.0.1"
 #: Names by which a browser on this machine may call it.
 _NAMES = (HOST, "localhost")
+#: Ghosts of robots with finer visual meshes are drawn by their collision geometry.
+_GHOST_TRIANGLES = 30_000
 _REFUSED = "Armwright studio answers its own page on this machine only.\n"
 
 _Handler = Callable[[ServerConnection, Request], Response | None]
@@ -179,7 +181,11 @@ class StudioPage:
         self._robot.show_looks(self._robot_panel.offer_looks(bool(looks)))
         self._pinned_robot = RobotDrawing(scene, "/pinned", bodies, _PINNED_COLOR, 0.5)
         self._pinned_robot.set_visible(False)
-        self._ghosts = GhostDrawing(scene, bodies, self.workbench.model.tip_link)
+        drawn, still = looks or bodies, self.workbench.still_links()
+        if sum(len(body.faces) for body in drawn) > _GHOST_TRIANGLES:
+            drawn = bodies
+        moving = [body for body in drawn if body.frame not in still]
+        self._ghosts = GhostDrawing(scene, moving, self.workbench.model.tip_link)
         for sliders in self._sliders:
             sliders.remove()
         with self._start_sliders:

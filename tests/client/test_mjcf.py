@@ -18,7 +18,7 @@ from command_line.robot_files import robot_document
 from kinematics.errors import InvalidRobotDescription
 from kinematics.tree.srdf import parse_srdf
 from kinematics.urdf.urdf import parse_urdf
-from studio.workbench import robot_upload
+from studio.requests import robot_upload
 from tests.command_line.commands import Run, runner
 
 #: An arm with all that MJCF can say of one: degrees, anchors, `ref`, two joints on a body, sites,

@@ -19,7 +19,7 @@ from kinematics.errors import InvalidRobotDescription
 from kinematics.readers.mesh_uri import resolve_mesh
 from kinematics.urdf.urdf import parse_urdf
 from service.validation import ProblemError
-from studio.workbench import robot_upload
+from studio.requests import robot_upload
 from tests.service.robots import BOX_OBJ
 
 LINK = '<link name="l{0}"><collision><geometry><mesh filename={1}/></geometry></collision></link>'

@@ -282,6 +282,6 @@ def test_what_a_robot_looks_like(served: Served) -> None:
 
 
 def test_a_robot_without_looks_has_no_visual_bodies(client: httpx.Client) -> None:
-    body = answer(client.get("/v1/robots/panda/geometry", params={"kind": "visual"}))
+    body = answer(client.get("/v1/robots/scara/geometry", params={"kind": "visual"}))
     assert body["bodies"] == []
     problem(client.get("/v1/robots/panda/geometry?kind=pretty"), 422, "VALIDATION_ERROR")

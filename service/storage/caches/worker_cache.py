@@ -9,6 +9,7 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.root_frame import TOOL
 from obstacles.kept_files import keep_files_in
+from obstacles.robots.built_in_looks import built_in_looks
 from obstacles.robots.link_margins import with_margins
 from obstacles.robots.visual_geometry import VisualGeometry
 from obstacles.scenes.placement import in_frame, place
@@ -68,12 +69,14 @@ def _mounted(reference: Reference, mount: Mount | None) -> PreparedRobot:
 
 
 def visuals(reference: Reference) -> VisualGeometry:
-    """The visual geometry of a robot; built-in ones have no visual meshes.
+    """The visual geometry of a robot; of built-in ones the looks that are drawn for them.
 
     Raises:
         NotPrepared: Its document has to be prepared first.
     """
-    return VisualGeometry() if reference.built_in else disk_cache.read_visuals(reference)
+    if reference.built_in:
+        return built_in_looks(chain(reference))
+    return disk_cache.read_visuals(reference)
 
 
 def chain(reference: Reference) -> Chain:
