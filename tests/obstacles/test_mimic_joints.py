@@ -12,7 +12,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Sphere
 from tests.mimic_joints import configurations, mimic_robot
-from tests.obstacles.collision.test_edge_check import at, edges
+from tests.obstacles.collision.test_checker import at, edges
 from tests.obstacles.solids import random_transform
 
 

@@ -20,7 +20,7 @@ from planning.proof.certificate import Certificate, certify
 from planning.stops.certificate import Surroundings
 from planning.values.limits import MotionLimits
 from tests.mimic_joints import mimic_positions, mimic_robot, urdf
-from tests.planning.proof.test_certificate_meshes import FILES, arm_text, own_bytes
+from tests.planning.proof.test_certificate import FILES, arm_text, own_bytes
 from tests.planning.scenes import builtin
 from tests.planning.stops.judge import CoalArm
 

@@ -12,7 +12,7 @@ from planning.planner import Planner
 from planning.sampling.search import OmplPlanner
 from planning.search.rrt_connect import RrtConnect
 from planning.values.search_trees import Edge, Explored
-from tests.planning.pipeline.test_planners import GOAL, SHUT, START, WALL, problem, query
+from tests.planning.pipeline.test_pipeline import GOAL, SHUT, START, WALL, problem, query
 from tests.planning.scenes import planning_failure
 from tests.planning.slider import slider
 

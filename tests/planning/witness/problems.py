@@ -25,7 +25,7 @@ from planning.result import Plan
 from planning.witness.compact import MAGIC, packed
 from planning.witness.witness import witness
 from tests.obstacles.arms import mesh_shape
-from tests.planning.proof.test_certificate_meshes import (
+from tests.planning.proof.test_certificate import (
     cart,
     hollows,
     motion_from,

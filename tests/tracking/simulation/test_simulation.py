@@ -1,23 +1,37 @@
-"""The closed loop against closed forms: held torques, saturation, disturbance, wrong models."""
+"""The closed loop: closed forms, the controllers called from Python, and stiff loops."""
 
+import time
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from dynamics.model.body import scale_masses
+from dynamics.model.payload import Motor, attach_motors, with_motors, with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState, MissingInertia, MissingLimit
-from kinematics.model.chain import Chain
+from kinematics.model.chain import Chain, Inertia
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from tests.dynamics.samples import planar_rr, random_chain
 from tests.tracking.samples import constant, slider, smooth
-from tracking.controllers.controller import AdaptiveController, Reference
-from tracking.controllers.model_based import ComputedTorque, PdGravity
+from tracking.controllers.control_law import Kind
+from tracking.controllers.controller import AdaptiveController, Controller, Reference
+from tracking.controllers.model_based import (
+    Adaptive,
+    ComputedTorque,
+    IndependentJoint,
+    Passivity,
+    PdGravity,
+    effective_inertia,
+)
+from tracking.simulation import callback
+from tracking.simulation.disturbance import Disturbance, EncoderNoise
 from tracking.simulation.result import SimulationOutcome
+from tracking.simulation.setup import prepare
 from tracking.simulation.simulation import SimulationOptions, simulate
 
 FREE = SimulationOptions(saturate=False)
@@ -237,3 +251,205 @@ def test_faults_are_named() -> None:
         simulate(controller, still, replace(FREE, sample_period=1e-9))
     with pytest.raises(MissingInertia):
         simulate(controller, still, FREE, robot=bare)
+
+
+PANDA = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
+
+
+def controllers(chain: Chain, q: Array, w: float = 15.0) -> dict[Kind, Controller]:
+    felt = effective_inertia(chain, q)
+    return {
+        Kind.INDEPENDENT_JOINT: IndependentJoint.by_pole_placement(chain, w, 1.0, felt),
+        Kind.COMPUTED_TORQUE: ComputedTorque.by_pole_placement(chain, w),
+        Kind.PD_GRAVITY: PdGravity(chain, felt * w**2, 2.0 * felt * w),
+        Kind.PASSIVITY: Passivity(chain, np.array(w), felt * w),
+        Kind.ADAPTIVE: Adaptive(chain, np.array(w), felt * w, np.array(0.3)),
+    }
+
+
+@pytest.mark.parametrize("period", [None, 4e-3])
+@pytest.mark.parametrize("kind", Kind)
+def test_equals_the_controllers_called_from_python(kind: Kind, period: float | None) -> None:
+    model = random_chain(6, 4, motors=True)
+    robot = scale_masses(model, [1.2, 0.9, 1.1, 1.3])
+    zero = np.zeros(4)
+    controller = controllers(model, zero)[kind]
+    limits = replace(robot.limits, effort=np.array([30.0, 30.0, 8.0, 8.0]))
+    robot = replace(robot, limits=limits)
+    trajectory = smooth(model, zero, np.array([0.5, -0.4, 0.3, 0.2]), 0.4)
+    options = SimulationOptions(duration=0.5, control_period=period, sample_period=7e-3)
+    push = Disturbance(
+        [1.0, 0.0, -1.0, 0.0], [0.0, 0.5, 0.0, 0.5], 3.0, (1, 2, -1, 0.1, 0.2, 0.3), 0.1, 0.33
+    )
+    noise = EncoderNoise(1e-4, 1e-3, seed=5, period=0.02)
+    fast = simulate(
+        controller,
+        trajectory,
+        options,
+        robot=robot,
+        initial_position=zero + 0.05,
+        disturbance=push,
+        noise=noise,
+    )
+    setup = prepare(controller, trajectory, options, robot, (zero + 0.05, None), push, noise)
+    slow = callback.run(setup)
+    assert fast.outcome is slow.outcome is SimulationOutcome.COMPLETED
+    np.testing.assert_array_equal(fast.times, slow.times)
+    for name in ("position", "velocity", "reference_position", "reference_velocity"):
+        np.testing.assert_allclose(getattr(fast, name), getattr(slow, name), atol=2e-6)
+    np.testing.assert_allclose(fast.torque, slow.torque, atol=1e-3)
+    np.testing.assert_allclose(fast.estimate, slow.estimate, atol=2e-6)
+    np.testing.assert_allclose(fast.lyapunov, slow.lyapunov, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(fast.max_tracking_error, slow.max_tracking_error, atol=1e-4)
+    assert fast.saturated.any() == slow.saturated.any()
+
+
+@pytest.mark.parametrize("kind", Kind)
+@pytest.mark.parametrize("period", [None, 1e-3])
+def test_five_seconds_of_a_panda_take_less_than_one(kind: Kind, period: float | None) -> None:
+    chain = builtin_chain("panda")
+    trajectory = smooth(chain, PANDA, PANDA + 0.8, 5.0)
+    controller = controllers(chain, PANDA)[kind]
+    options = SimulationOptions(control_period=period)
+    times = []
+    for _ in range(3):
+        start = time.process_time()
+        result = simulate(controller, trajectory, options, robot=scale_masses(chain, 1.2))
+        times.append(time.process_time() - start)
+    assert result.outcome is SimulationOutcome.COMPLETED
+    assert min(times) < 1.0
+
+
+def test_a_stiff_loop_goes_on_implicitly() -> None:
+    """Motors whose back-EMF damps them within microseconds, under a light arm."""
+    mass, b, Kp = 1e-3, 1e2, 50.0
+    chain = slider(mass, b)
+    controller = IndependentJoint(chain, np.array(Kp), np.array(1.0), np.array([mass]))
+    result = simulate(controller, constant(chain, np.zeros(1), 2.0), FREE, initial_position=[1.0])
+    assert result.outcome is SimulationOutcome.COMPLETED
+    assert result.implicit_steps > 0
+    # An explicit method alone takes 2 s b / m / 6 = 33,000 steps for its stability.
+    assert result.steps + result.implicit_steps < 2000
+    A = np.array([[0.0, 1.0], [-Kp / mass, -(b + 1.0) / mass]])
+    values, vectors = np.linalg.eig(A)
+    weights = np.linalg.solve(vectors, [1.0, 0.0])
+    expected = (np.exp(np.outer(result.times, values)) * weights) @ vectors.T
+    np.testing.assert_allclose(result.position[:, 0], expected[:, 0], atol=1e-7)
+
+
+def test_absurd_gains_are_integrated_all_the_same() -> None:
+    """At a million rad/s the explicit method is stable in steps that no accuracy asks for."""
+    chain = planar_rr()
+    trajectory = smooth(chain, np.zeros(2), np.ones(2))
+    result = simulate(ComputedTorque.by_pole_placement(chain, 1e6), trajectory, FREE)
+    assert result.outcome is SimulationOutcome.COMPLETED
+    assert result.implicit_steps > 0
+    # The exact loop has no error; a hundred times the tolerance is what thousands of steps add up.
+    assert result.max_tracking_error.max() < 100.0 * FREE.relative_tolerance
+
+
+def test_a_stiff_arm_equals_scipys_implicit_method() -> None:
+    motors = [Motor(1e-5, 1e-3, 0.05, 0.05, 0.5, 100.0)] * 2
+    chain = attach_motors(planar_rr((0.02, 0.01)), motors)
+    light = replace(chain, motor_inertia=np.full(2, 1e-4))
+    controller = PdGravity(light, np.array(400.0), np.array(5.0))
+    trajectory = smooth(light, np.zeros(2), np.ones(2), 0.5)
+    result = simulate(controller, trajectory, replace(FREE, duration=1.0, sample_period=0.05))
+    assert result.implicit_steps > 0
+    assert result.outcome is SimulationOutcome.COMPLETED
+
+    options = replace(FREE, duration=1.0)
+    setup = prepare(controller, trajectory, options, light, (None, None), None, None)
+    loop = callback._Loop(setup)
+
+    def rate(t: float, x: Array) -> Array:
+        loop.segment = int(t >= 0.5)
+        return loop.rate(t, x, loop.command)
+
+    x = np.zeros(4)
+    for start, end in ((0.0, 0.5), (0.5, 1.0)):
+        at = result.times[(result.times >= start) & (result.times <= end)]
+        # Within a piece: the reference rests from its end on.
+        solution = solve_ivp(
+            rate, (start, end - 1e-12), x, "Radau", np.clip(at, start, end - 1e-12),
+            rtol=1e-9, atol=1e-11,
+        )  # fmt: skip
+        mine = result.position[(result.times >= start) & (result.times <= end)]
+        np.testing.assert_allclose(mine, solution.y[:2].T, atol=1e-6)
+        x = solution.y[:, -1]
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+def test_the_error_follows_the_tolerance(tolerance: float) -> None:
+    chain = planar_rr()
+    controller = PdGravity(chain, np.array(60.0), np.array(3.0))
+    trajectory = smooth(chain, np.zeros(2), np.ones(2))
+    exact = replace(FREE, relative_tolerance=1e-12, absolute_tolerance=1e-13)
+    rough = replace(FREE, relative_tolerance=tolerance, absolute_tolerance=tolerance)
+    reference = simulate(controller, trajectory, exact).position
+    off = np.abs(simulate(controller, trajectory, rough).position - reference).max()
+    assert off < 100.0 * tolerance
+
+
+def test_noise_is_seeded() -> None:
+    chain = planar_rr()
+    controller = ComputedTorque.by_pole_placement(chain, 20.0)
+    trajectory = smooth(chain, np.zeros(2), np.ones(2))
+    options = replace(FREE, control_period=2e-3)
+
+    def run(noise: EncoderNoise | None) -> Array:
+        return simulate(controller, trajectory, options, noise=noise).position
+
+    first = run(EncoderNoise(1e-3, 1e-2, seed=1))
+    np.testing.assert_array_equal(first, run(EncoderNoise(1e-3, 1e-2, seed=1)))
+    assert np.abs(first - run(EncoderNoise(1e-3, 1e-2, seed=2))).max() > 1e-5
+    np.testing.assert_array_equal(run(None), run(EncoderNoise()))
+    drawn = EncoderNoise(0.1, 2.0, seed=3).draw(20_000, 2)
+    np.testing.assert_allclose(drawn.std(axis=0), [[0.1, 0.1], [2.0, 2.0]], rtol=0.03)
+
+
+def test_a_disturbance_acts_while_it_lasts() -> None:
+    chain = slider(2.0)
+    controller = PdGravity(chain, np.array(1e-9), np.array(1e-9))
+    push = Disturbance([4.0], start=0.25, end=0.75)
+    result = simulate(controller, constant(chain, np.zeros(1)), FREE, disturbance=push)
+    t = result.times
+    inside = np.clip(t, 0.25, 0.75) - 0.25
+    expected = inside**2 + 2.0 * inside * np.maximum(t - 0.75, 0.0)
+    np.testing.assert_allclose(result.position[:, 0], expected, atol=1e-8)
+    wave = Disturbance(amplitude=[1.0], frequency=2.0)
+    result = simulate(controller, constant(chain, np.zeros(1)), FREE, disturbance=wave)
+    w = 4.0 * np.pi
+    expected = (t / w - np.sin(w * t) / w**2) / 2.0
+    np.testing.assert_allclose(result.position[:, 0], expected, atol=1e-8)
+
+
+def test_a_wrench_at_the_tip_is_a_payload_when_it_is_a_weight() -> None:
+    chain = builtin_chain("puma560")
+    q = np.array([0.2, -0.7, 0.4, 0.1, 0.6, -0.2])
+    felt = effective_inertia(chain, q)
+    controller = PdGravity(chain, 400.0 * felt, 40.0 * felt)
+    weight = np.concatenate([2.0 * chain.gravity, np.zeros(3)])
+    options = replace(FREE, duration=6.0, sample_period=0.5)
+    pushed = simulate(
+        controller, constant(chain, q), options, disturbance=Disturbance(wrench=weight)
+    )
+    loaded = simulate(controller, constant(chain, q), options, robot=with_payload(chain, 2.0))
+    # At rest a weight is a weight, whichever way it comes.
+    np.testing.assert_allclose(pushed.position[-1], loaded.position[-1], atol=1e-6)
+    assert np.abs(pushed.tracking_error[-1]).max() > 1e-3
+
+
+def test_a_massless_joint_is_named() -> None:
+    chain = planar_rr()
+    nothing = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    links = tuple(
+        replace(link, inertia=nothing) if link.name == "link1" else link for link in chain.links
+    )
+    massless = replace(chain, links=links)
+    controller = PdGravity(chain, np.array(1.0), np.array(1.0))
+    with pytest.raises(MissingInertia, match="'q2'"):
+        simulate(controller, constant(chain, np.zeros(2)), FREE, robot=massless)
+    fine = with_motors(massless, [0.0, 0.1])
+    result = simulate(controller, constant(chain, np.zeros(2)), FREE, robot=fine)
+    assert result.outcome is SimulationOutcome.COMPLETED

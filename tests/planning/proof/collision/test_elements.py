@@ -28,7 +28,7 @@ from planning.proof.collision.pair_table import PairTable
 from planning.proof.collision.proposals import packed_pieces
 from tests.obstacles.arms import cut_arm
 from tests.obstacles.collision.model.test_collision_model import mixed
-from tests.obstacles.shapes.test_primitives import random_scene
+from tests.obstacles.shapes.test_shape import random_scene
 from tests.planning.proof.collision.test_separating_direction import scattered
 from tests.planning.scenes import builtin
 

@@ -34,10 +34,10 @@ from planning.proof.limits.limit_uses import Violation
 from tests.obstacles.arms import cup, mesh_shape
 from tests.obstacles.collision.model.test_collision_model import mixed
 from tests.obstacles.outline import convex_shapes
-from tests.obstacles.shapes.test_primitives import random_scene
+from tests.obstacles.shapes.test_shape import random_scene
 from tests.obstacles.solids import KINDS, NO_VERTICES, coal_distance, random_solid, random_transform
 from tests.planning.proof.sweeping import start_sweep, through
-from tests.planning.proof.test_certificate_meshes import fork
+from tests.planning.proof.test_certificate import fork
 from tests.planning.scenes import HOME, builtin
 from tests.planning.slider import slider
 from tests.properties import directions, numbers, transforms
