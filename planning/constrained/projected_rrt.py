@@ -1,19 +1,11 @@
 """RRT-Connect under constraints: two trees along the set of configurations that they allow.
 
-A step towards a target is projected onto the allowed set (Newton's method on the residuals, inside
-the joint limits) and taken where the straight motion to it holds the constraints for every instant
-and is proved free; steps shrink where the set is curved. Two trees grow towards each other until
-they meet. Source: "Manipulation planning on constraint manifolds", IEEE International Conference on
-Robotics and Automation, 2009.
-
-Its trees are not those of ``search.rrt_connect``. Those count cheap edges by the thousand, live in
-one kernel with a fixed capacity, and leave nodes out that have met something. These take some
-hundred extensions of many steps each, gain new roots while they grow (``GoalRegion``, in Python),
-and spend their time in projections and proofs: a tree for both would be a third one.
+The trees are those of ``search.rrt_connect`` with another step: a walk along the set, as far as it
+is proved. Goals that are poses give new roots while the trees grow (``GoalRegion``). Source:
+"Manipulation planning on constraint manifolds", IEEE International Conference on Robotics and
+Automation, 2009.
 """
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import ClassVar
@@ -22,19 +14,17 @@ import numpy as np
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
-from obstacles.collision.edge_check import FREE, certify_curve
-from obstacles.collision.model.collision_model import ModelArrays
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
 from planning.constrained.ik import pose_constraint
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.edge_bounds import EDGE_CELLS, EdgeVerdict, edge_kernel
 from planning.constraints.solvers.active_set import FEASIBLE, make_feasible
 from planning.constraints.solvers.active_set_program import Goal, make_goal, make_work
 from planning.planner import TOUCHING, Query
 from planning.problem import PoseGoal
 from planning.result import Attempt
+from planning.search.rrt_connect import Guide, MoreGoals, PairOptions, TreePairs
+from planning.search.walk import AllowedSet, walk_kernel
 from planning.values.deadline import Deadline
-from planning.values.search_box import search_box
 from planning.values.search_trees import Explored
 
 #: Extensions after which a pair of trees is given up for a fresh one: most pairs that meet do so
@@ -43,11 +33,6 @@ _FIRST_BUDGET = 60
 #: A path that is longer than its straight line by this factor wanders; and how many others are
 #: searched for then.
 _WANDERING, _OTHER_PATHS = 1.3, 6
-#: Name of the planner, for what it explored.
-_NAME = "rrt_connect"
-
-#: Finds a goal near a configuration (n,), given how many goals there are; None where there is none.
-MoreGoals = Callable[[Array, int], Array | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,8 +44,7 @@ class Manifold:
     """
 
     checker: ConstrainedChecker
-    goal: Goal = field(init=False)
-    rows: Array = field(init=False)
+    along: AllowedSet = field(init=False)
 
     def __post_init__(self) -> None:
         chain, constraints = self.checker.model.robot.chain, self.checker.constraints
@@ -68,14 +52,13 @@ class Manifold:
         # They keep 1 cm [or rad] at most: where a row is wide, the way may lead along its bounds.
         zero, inner = np.zeros(chain.n), narrow_rows(constraints, 0.25, 1e-2)
         goal = make_goal(constraints, zero, zero, rows=inner)
-        object.__setattr__(self, "goal", goal)
-        object.__setattr__(self, "rows", self.checker.rows)
+        object.__setattr__(self, "along", AllowedSet(goal, self.checker.rows))
 
     def project(self, q: Array) -> Array | None:
         """Project q (n,) onto the set by Newton's method; None where that fails."""
         projected = np.array(q)
         # Iterations of Newton's method on a random configuration, which may be far away.
-        if project_kernel(self.goal, projected, 40) > FEASIBLE:
+        if project_kernel(self.along.goal, projected, 40) > FEASIBLE:
             return None
         return projected
 
@@ -88,69 +71,10 @@ class Manifold:
         """
         # Steps of one extension at most.
         steps = np.empty((400, len(start)))
-        count, arrived = extend_kernel(
-            self.checker.model.arrays,
-            self.checker.slack,
-            self.goal,
-            self.rows,
-            np.array(start),
-            np.array(end),
-            steps,
-        )
+        model, slack = self.checker.model.arrays, self.checker.slack
+        begin, target = np.array(start), np.array(end)
+        count, arrived = walk_kernel(model, slack, self.along, begin, target, steps)
         return steps[:count], bool(arrived)
-
-
-class _Tree:
-    """A tree of configurations, each with the one that it was reached from."""
-
-    def __init__(self, roots: list[Array]) -> None:
-        self._nodes = np.array(roots)
-        self._size = len(roots)
-        self._parents = [-1] * len(roots)
-
-    def nearest(self, q: Array) -> int:
-        """Number of the node that is nearest to q (n,)."""
-        difference = self._nodes[: self._size] - q
-        return int(np.argmin(np.einsum("ij,ij->i", difference, difference)))
-
-    def node(self, number: int) -> Array:
-        """The configuration of a node."""
-        return np.asarray(self._nodes[number])
-
-    def add(self, parent: int, steps: Array) -> int:
-        """Append a chain of configurations (k, n) to a node; the number of the last one."""
-        needed = self._size + len(steps)
-        if needed > len(self._nodes):
-            grown = np.empty((max(needed, 2 * len(self._nodes)), self._nodes.shape[1]))
-            grown[: self._size] = self._nodes[: self._size]
-            self._nodes = grown
-        for step in steps:
-            self._nodes[self._size] = step
-            self._parents.append(parent)
-            parent = self._size
-            self._size += 1
-        return parent
-
-    @property
-    def size(self) -> int:
-        """Number of nodes."""
-        return self._size
-
-    def add_root(self, q: Array) -> int:
-        """Append a configuration (n,) as a root; its number."""
-        return self.add(-1, q[None])
-
-    def branch(self, number: int) -> list[Array]:
-        """The configurations from a node down to its root."""
-        branch = []
-        while number >= 0:
-            branch.append(self.node(number))
-            number = self._parents[number]
-        return branch
-
-    def keep(self, explored: Explored, part: str) -> None:
-        """Keep the edges as those of one part."""
-        explored.add_tree(self._nodes[: self._size], np.array(self._parents), part)
 
 
 def projected_rrt(
@@ -179,82 +103,20 @@ def projected_rrt(
         Waypoints (k, n) whose legs hold and are free, None where it found none in time; and how
         many extensions were tried.
     """
-    spent, budget, pair = 0, _FIRST_BUDGET, 0
-    goals = list(goals)
-    most = math.inf if max_extensions is None else max_extensions
-    while spent < most and not deadline.passed:
-        budget = int(min(budget, most - spent))
-        # The pairs of one request are far apart in seeds: neighbouring requests should not share
-        # them.
-        random = np.random.default_rng((seed, pair * 7_919))
-        trees = _Tree([start]), _Tree(goals)
-        path, extensions = _grow_pair(manifold, trees, goals, random, budget, deadline, more_goals)
-        if explored is not None:
-            explored.begin(_NAME)
-            trees[0].keep(explored, "start")
-            trees[1].keep(explored, "goals")
-        spent += extensions
-        if path is not None:
-            return path, spent
+    # No search has time for so many.
+    most = 10**9 if max_extensions is None else max_extensions
+    roots = np.array([start, *goals])
+    pairs = TreePairs(
+        manifold.checker, roots, seed, deadline, most, explored, along=manifold.along,
+        more_goals=more_goals,
+    )  # fmt: skip
+    # All is drawn from everywhere that the limits allow, and nothing beside the straight line.
+    guide, budget, path = Guide(roots[:2], 0.0, 0.0), float(_FIRST_BUDGET), None
+    while path is None and pairs.may_go_on:
+        path = pairs.grow(PairOptions(int(budget), np.inf, domain=np.inf, guide=guide, whole=True))
         # Factor by which the next pair may take more.
-        pair, budget = pair + 1, int(1.6 * budget)
-    return None, spent
-
-
-def _grow_pair(
-    manifold: Manifold,
-    trees: tuple[_Tree, _Tree],
-    goals: list[Array],
-    random: np.random.Generator,
-    budget: int,
-    deadline: Deadline,
-    more_goals: MoreGoals | None,
-) -> tuple[Array | None, int]:
-    here, there = trees
-    low, high = search_box(manifold.checker.model.robot.chain, [here.node(0), *goals])
-    forwards, extensions = True, 0
-    target: Array | None = goals[0]
-    while extensions < budget and not deadline.passed:
-        if target is None:
-            drawn = random.uniform(low, high)
-            target = manifold.project(drawn)
-            target = drawn if target is None else target
-        near = here.nearest(target)
-        steps, _ = manifold.extend(here.node(near), target)
-        extensions += 1
-        target = None
-        # Extensions between two searches for another goal.
-        if more_goals is not None and forwards and extensions // 2 % 8 == 1:
-            target = _new_goal(here, there, goals, more_goals, random)
-        if len(steps):
-            reached = here.add(near, steps)
-            close = there.nearest(here.node(reached))
-            steps, met = manifold.extend(there.node(close), here.node(reached))
-            extensions += 1
-            last = there.add(close, steps) if len(steps) else close
-            if met:
-                path = here.branch(reached)[::-1] + there.branch(last)[1:]
-                return np.array(path if forwards else path[::-1]), extensions
-        here, there, forwards = there, here, not forwards
-    return None, extensions
-
-
-def _new_goal(
-    reached: _Tree,
-    there: _Tree,
-    goals: list[Array],
-    more_goals: MoreGoals,
-    random: np.random.Generator,
-) -> Array | None:
-    """Add a goal near a node of the start's tree as a root of the goals' tree, if there is one."""
-    # Goals at most, those given among them.
-    if len(goals) >= 400:
-        return None
-    goal = more_goals(reached.node(int(random.integers(reached.size))), len(goals))
-    if goal is not None:
-        goals.append(goal)
-        there.add_root(goal)
-    return goal
+        budget *= 1.6
+    return path, pairs.edges
 
 
 def shortest_along(manifold: Manifold, waypoints: Array, seed: int, deadline: Deadline) -> Array:
@@ -443,64 +305,3 @@ def project_kernel(goal: Goal, q: Array, steps: int) -> float:
     """Project q (n,) onto the set in place; the worst residual that is left."""
     work = make_work(None, goal)
     return make_feasible(None, goal, q, steps, work, np.empty_like(q), np.empty_like(q))
-
-
-@kernel
-def extend_kernel(
-    model: ModelArrays,
-    slack: float,
-    goal: Goal,
-    rows: Array,
-    start: Array,
-    end: Array,
-    steps: Array,
-) -> tuple[int, bool]:
-    """Kernel of ``Manifold.extend``: how many rows of ``steps`` are steps, and if it arrived."""
-    n = start.shape[0]
-    work = make_work(None, goal)
-    trial, dq, scratch = np.empty(n), np.empty(n), np.empty(n)
-    q, zero = start.copy(), np.zeros(n)
-    line, found = np.empty((n, 2)), np.empty(4)
-    away = np.sqrt(np.sum((end - q) ** 2))
-    # Longest step of a tree, Euclidean in joint space [rad or m].
-    longest = 0.5
-    length, count = longest, 0
-    while count < steps.shape[0]:
-        arrives = away <= length
-        share = 1.0 if arrives else length / away
-        for j in range(n):
-            trial[j] = q[j] + share * (end[j] - q[j])
-        good = True
-        if not arrives:
-            # Twelve iterations of Newton's method project a step or never will.
-            good = make_feasible(None, goal, trial, 12, work, scratch, dq) <= FEASIBLE
-        left = np.sqrt(np.sum((end - trial) ** 2))
-        moved = np.sqrt(np.sum((trial - q) ** 2))
-        # A step comes nearer to the end by a tenth of its length, and is not twice as long as was
-        # asked for: else the projection leads back or far aside.
-        if good and not arrives:
-            good = left < away - 0.1 * length and moved < 2.0 * length
-        if good:
-            for j in range(n):
-                line[j, 0], line[j, 1] = q[j], trial[j] - q[j]
-                dq[j] = trial[j] - q[j]
-            verdict, _ = edge_kernel(model.chain, rows, line, EDGE_CELLS)
-            good = verdict == EdgeVerdict.HOLDS
-            if good and certify_curve(model, q, dq, zero, zero, slack, found) != FREE:
-                # A shorter step would end at the obstacle all the same.
-                return count, False
-        if not good:
-            length = 0.5 * min(length, away)
-            # So short a step ends the extension [rad or m].
-            if length < 0.01:
-                return count, False
-            continue
-        steps[count] = trial
-        count += 1
-        if arrives:
-            return count, True
-        q[:] = trial
-        away = left
-        # A step that was taken may be longer next time.
-        length = min(1.6 * length, longest)
-    return count, False

@@ -22,6 +22,7 @@ The first planner: a straight motion in joint space, proved free or given up at 
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import ClassVar, NamedTuple
@@ -35,6 +36,7 @@ from obstacles.collision.checker import Checker, Motion
 from planning.planner import Planner, Query
 from planning.result import Attempt
 from planning.search.trees import Draws, Growth, Tally, Trees, grow_kernel, new_trees
+from planning.search.walk import AllowedSet
 from planning.values.deadline import Deadline
 from planning.values.search_box import search_box
 from planning.values.search_trees import Explored
@@ -78,6 +80,14 @@ class StraightLine:
         return Attempt(None, f"Blocked: {motions[0].pair[0]} and {motions[0].pair[1]}.")
 
 
+#: Finds a goal near a configuration (n,), given how many goals there are; None where there is none.
+MoreGoals = Callable[[Array, int], Array | None]
+#: Goals at most, those given among them.
+_MOST_GOALS = 400
+#: Edges looked at between two checks of the clock, and walks between two searches for a goal.
+_EDGES_AT_ONCE, _WALKS_AT_ONCE = 250, 16
+#: Nodes that there is room for a walk: most have some ten.
+_NODES_A_WALK = 40
 #: Share of the mean distance of two random configurations beyond which a node that has met
 #: something is not grown any more.
 DOMAIN = 0.4
@@ -130,6 +140,8 @@ class TreePairs:
         max_edges: Largest number of edges of all pairs together.
         explored: Keeps the edges of the last pair that is grown with the clearance asked for.
         proves: Whether the paths of such pairs are proved.
+        along: The set that steps are walks along; None for straight ones.
+        more_goals: Finds goals near configurations that were reached; None where goals are points.
     """
 
     checker: Checker
@@ -138,7 +150,9 @@ class TreePairs:
     deadline: Deadline
     max_edges: int
     explored: Explored | None
-    proves: bool
+    proves: bool = True
+    along: AllowedSet | None = None
+    more_goals: MoreGoals | None = None
     edges: int = field(default=0, init=False)
     runs: int = field(default=0, init=False)
 
@@ -149,17 +163,24 @@ class TreePairs:
 
     def grow(self, options: PairOptions) -> Array | None:
         """Grow one pair; the path on which it meets, shape (k, n), if it does."""
-        checker, roots = self.checker, self.roots
+        checker, walks = self.checker, self.along is not None
         budget = min(options.budget, self.max_edges - self.edges)
-        trees = new_trees(len(roots), checker.model.robot.chain.n, budget, self._random())
+        trees = new_trees(
+            max(len(self.roots), _MOST_GOALS if self.more_goals else 0),
+            checker.model.robot.chain.n,
+            _NODES_A_WALK * budget if walks else budget,
+            self._random(),
+        )
         draws, until = self._draws(options), 0
         while True:
-            # Edges looked at between two checks of the clock.
-            until += 250
-            arrays = checker.model.arrays
-            outcome = directly(grow_kernel, arrays, trees, draws, roots, budget, until)
+            until += _WALKS_AT_ONCE if walks else _EDGES_AT_ONCE
+            given = checker.model.arrays, trees, draws, self.roots, self.along, budget, until
+            # The door is that of the search without constraints.
+            outcome = grow_kernel(*given) if walks else directly(grow_kernel, *given)
             if outcome != Growth.GOING or self.deadline.passed:
                 break
+            if self.more_goals is not None and len(self.roots) < _MOST_GOALS:
+                self._aim(trees, self.more_goals, until)
         before, nodes = int(trees.tally[Tally.EDGES_BEFORE]), int(trees.tally[Tally.PATH])
         runs = 2 if before else 1
         self.edges += before + int(trees.tally[Tally.EDGES])
@@ -170,6 +191,14 @@ class TreePairs:
             if options.penetration == 0.0:
                 _keep(trees, checker, self.explored)
         return trees.path[:nodes].copy() if nodes > 0 else None
+
+    def _aim(self, trees: Trees, more_goals: MoreGoals, number: int) -> None:
+        """Add a goal near a node of the start's tree to the roots, if there is one."""
+        # Another node each time: the factor is a prime.
+        node = 7_919 * number % int(trees.sizes[0])
+        goal = more_goals(trees.points[0, node], len(self.roots) - 1)
+        if goal is not None:
+            self.roots = np.vstack([self.roots, goal])
 
     def _random(self) -> State:
         return np.array(_random_state(self.seed, self.runs), np.uint64)

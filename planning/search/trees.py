@@ -24,6 +24,7 @@ from obstacles.collision.line_check import prove_line
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays
 from planning.search.shortcut import distance, path_length
+from planning.search.walk import AllowedSet, walk_kernel
 
 
 class Growth(IntEnum):
@@ -42,6 +43,8 @@ _MAX_INTERVALS = 800
 #: States of a step that are looked at, its end first, where that is all, and before a proof: half
 #: of the steps collide.
 _LOOKS, _LOOKS_BEFORE_PROOF = 4, 2
+#: Steps of a walk at most.
+_MOST_STEPS = 400
 #: Cuts after which every step is proved before it is taken.
 _MAX_CUTS = 3
 
@@ -60,6 +63,10 @@ class Tally(IntEnum):
     THERE = 4
     #: Steps of this pair that were cut off.
     CUTS = 5
+    #: Root of the goals' tree that the start's tree grows to next, -1 where it grows to a draw.
+    AIM = 6
+    #: Roots that are planted.
+    ROOTS = 7
 
 
 class Trees(NamedTuple):
@@ -73,7 +80,7 @@ class Trees(NamedTuple):
         proved: Whether the step to a node is proved, shape (2, c).
         sizes: Number of nodes, shape (2,).
         random: State of the random generator, shape (1,).
-        tally: Edges that were checked, and more, shape (6,).
+        tally: Edges that were checked, and more, shape (8,).
         path: The shortest path so far, shape (2 c, n).
     """
 
@@ -133,22 +140,24 @@ def new_trees(size: int, n: int, budget: int, random: State) -> Trees:
         proved=np.empty((2, capacity), dtype=np.bool_),
         sizes=np.zeros(2, dtype=np.int64),
         random=random,
-        tally=np.zeros(6, dtype=np.int64),
+        tally=np.zeros(8, dtype=np.int64),
         path=np.empty((2 * capacity, n)),
     )
 
 
 @kernel
 def grow_kernel(
-    model: ModelArrays, trees: Trees, draws: Draws, roots: Array, budget: int, until: int
-) -> int:
+    model: ModelArrays, trees: Trees, draws: Draws, roots: Array, along: AllowedSet | None,
+    budget: int, until: int,
+) -> int:  # fmt: skip
     """Grow a pair of trees until they meet; if the path is long, another one with as many edges.
 
     Args:
         model: The packed robot and scene.
         trees: Changed in place.
         draws: Parameters of draws and steps.
-        roots: The start and the goals, shape (1 + g, n).
+        roots: The start and the goals, shape (1 + g, n); behind those of earlier calls, new ones.
+        along: The set that steps are walks along; None for straight ones.
         budget: Edges that the first pair may look at.
         until: Edges of a pair after which the clock is looked at, those of earlier calls counted.
 
@@ -158,13 +167,18 @@ def grow_kernel(
     work, vectors, tally = workspace(model), np.empty((2, roots.shape[1])), trees.tally
     if trees.sizes[0] == 0:
         _plant(trees, roots)
+    # A goal that was found since the last call becomes a root, and the start's tree grows to it.
+    while tally[Tally.ROOTS] < roots.shape[0]:
+        tally[Tally.AIM] = _add(trees, 1, roots[tally[Tally.ROOTS]], -1)
+        tally[Tally.ROOTS] += 1
     while True:
         # The second pair has as many edges as the first path took.
         most = tally[Tally.EDGES_BEFORE] if tally[Tally.PATH] > 0 else budget
-        if _grow(model, work, draws, trees, vectors, min(until, most)):
+        if _grow(model, work, draws, trees, along, vectors, min(until, most)):
             first = tally[Tally.PATH] == 0
             _keep_path(trees)
-            if not first or not is_detour(trees.path, tally[Tally.PATH]):
+            # A walk costs as much as many edges, and shortening has other ways of its own.
+            if not first or along is not None or not is_detour(trees.path, tally[Tally.PATH]):
                 return Growth.FOUND
             tally[Tally.EDGES_BEFORE] = tally[Tally.EDGES]
             _plant(trees, roots)
@@ -178,7 +192,9 @@ def grow_kernel(
 def _plant(trees: Trees, roots: Array) -> None:
     """Begin anew with roots (1 + g, n): the start, and the goals."""
     trees.sizes[0], trees.sizes[1] = 0, 0
-    trees.tally[Tally.EDGES], trees.tally[Tally.CUTS] = 0, 0
+    # The first step is one from the start straight to a goal, and so is what it meets.
+    trees.tally[Tally.EDGES], trees.tally[Tally.CUTS], trees.tally[Tally.AIM] = 0, 0, 0
+    trees.tally[Tally.ROOTS] = roots.shape[0]
     for root in range(roots.shape[0]):
         _add(trees, min(root, 1), roots[root], -1)
 
@@ -198,8 +214,9 @@ def _add(trees: Trees, side: int, q: Array, parent: int) -> int:
 
 @kernel(allocates=False)
 def _grow(
-    model: ModelArrays, work: Workspace, draws: Draws, trees: Trees, vectors: Array, until: int
-) -> bool:
+    model: ModelArrays, work: Workspace, draws: Draws, trees: Trees, along: AllowedSet | None,
+    vectors: Array, until: int,
+) -> bool:  # fmt: skip
     """Grow both trees until they meet on a proved path or ``until`` edges; whether they meet.
 
     ``vectors`` is room for a target and for the end of a step, (2, n).
@@ -211,14 +228,15 @@ def _grow(
         # smaller one can't get out at random.
         if failed == 3:
             side, failed = 1 - side, 0
-        near = 0
-        if tally[Tally.EDGES] == 0:
-            # The first step is one from the start straight to a goal, and so is what it meets.
+        if tally[Tally.AIM] >= 0:
+            side = 0
             for j in range(target.shape[0]):
-                target[j] = trees.points[1, 0, j]
+                target[j] = trees.points[1, tally[Tally.AIM], j]
+            near, _ = nearest_node(trees.blocks[0], trees.sizes[0], target)
+            tally[Tally.AIM] = -1
         else:
             near = _draw(trees, side, draws, target)
-        reached = _step(model, work, draws, trees, side, near, vectors)
+        reached = _step(model, work, draws, trees, along, side, near, vectors)
         if reached < 0:
             failed += 1
             continue
@@ -227,7 +245,7 @@ def _grow(
             target[j] = trees.points[side, reached, j]
         node, left = nearest_node(trees.blocks[1 - side], trees.sizes[1 - side], target)
         while node >= 0 and left > 0.0 and tally[Tally.EDGES] < until:
-            node = _step(model, work, draws, trees, 1 - side, node, vectors)
+            node = _step(model, work, draws, trees, along, 1 - side, node, vectors)
             left = distance(trees.points[1 - side, max(node, 0)], target)
         if node >= 0 and left == 0.0:
             tally[Tally.HERE] = reached if side == 0 else node
@@ -264,10 +282,12 @@ def _draw(trees: Trees, side: int, draws: Draws, target: Array) -> int:
 
 @kernel(allocates=False)
 def _step(
-    model: ModelArrays, work: Workspace, draws: Draws, trees: Trees, side: int, at: int,
-    vectors: Array,
+    model: ModelArrays, work: Workspace, draws: Draws, trees: Trees, along: AllowedSet | None,
+    side: int, at: int, vectors: Array,
 ) -> int:  # fmt: skip
     """Add a step from node ``at`` towards ``vectors[0]``; its number, -1 if it is not taken."""
+    if along is not None:
+        return _walk(model, draws, trees, along, side, at, vectors[0])
     origin, end = trees.points[side, at], vectors[1]
     write_step(origin, vectors[0], draws.step, end)
     trees.tally[Tally.EDGES] += 1
@@ -282,6 +302,23 @@ def _step(
         return -1
     node = _add(trees, side, end, at)
     trees.proved[side, node] = bool(proves)
+    return node
+
+
+@kernel
+def _walk(
+    model: ModelArrays, draws: Draws, trees: Trees, along: AllowedSet, side: int, at: int,
+    target: Array,
+) -> int:  # fmt: skip
+    """Add the steps of a walk from node ``at`` towards a target (n,); the last one, -1 for none."""
+    trees.tally[Tally.EDGES] += 1
+    left = trees.points.shape[1] - trees.sizes[side]
+    steps = np.empty((min(left, _MOST_STEPS), target.shape[0]))
+    count, _ = walk_kernel(model, draws.slack, along, trees.points[side, at], target, steps)
+    node = -1
+    for step in range(count):
+        node = _add(trees, side, steps[step], at if step == 0 else node)
+        trees.proved[side, node] = True
     return node
 
 

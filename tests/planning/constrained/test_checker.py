@@ -415,11 +415,11 @@ def test_configurations_are_at_the_pose_hold_constraints_and_keep_clear() -> Non
 
 
 def test_paths_that_wander_are_made_shorter_and_stay_proved() -> None:
-    """Every leg of what comes back holds by pinocchio; all together they lose a tenth."""
+    """Every leg of what comes back holds by pinocchio; those that wander lose a tenth together."""
     manifold = Manifold(checker(pillar(0.1, 0.5)))
     random, found, short = np.random.default_rng(4), list[float](), list[float]()
     deadline = Deadline.after(60.0)
-    for seed in range(8):
+    for seed in range(28):
         ends = list[Array]()
         while len(ends) < 2:
             q = manifold.project(random.uniform(*CHAIN.sampling_bounds()))
@@ -434,8 +434,12 @@ def test_paths_that_wander_are_made_shorter_and_stay_proved() -> None:
         for a, b in pairwise(after):
             assert manifold.checker.free(a, b)
             assert max(tilt(q) for q in along(a, b, 20)) <= TILT + 1e-9
-        found.append(np.linalg.norm(np.diff(before, axis=0), axis=1).sum())
-        short.append(np.linalg.norm(np.diff(after, axis=0), axis=1).sum())
-        assert short[-1] <= found[-1] + 1e-12
+        length, shorter = (
+            np.linalg.norm(np.diff(p, axis=0), axis=1).sum() for p in (before, after)
+        )
+        assert shorter <= length + 1e-12
+        if length > 1.3 * np.linalg.norm(path[-1] - path[0]):
+            found.append(length)
+            short.append(shorter)
     assert len(found) >= 5
     assert sum(short) < 0.9 * sum(found)

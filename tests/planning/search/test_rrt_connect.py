@@ -183,7 +183,7 @@ def trees_grown(seed: int) -> tuple[np.ndarray, int]:
     roots = np.array([TREES_BEFORE, TREES_BEHIND])
     draws = Draws(-limit, limit, 9.0, 2.0, 0.0, True, roots, 0.6, 0.7)
     trees = new_trees(2, 2, 2000, np.array([seed], dtype=np.uint64))
-    assert grow_kernel(checker.model.arrays, trees, draws, roots, 2000, 2000) == Growth.FOUND
+    assert grow_kernel(checker.model.arrays, trees, draws, roots, None, 2000, 2000) == Growth.FOUND
     assert trees.tally[Tally.EDGES] <= 2000
     return trees.path[: trees.tally[Tally.PATH]].copy(), int((trees.parents == -2).sum())
 
