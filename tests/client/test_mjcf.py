@@ -53,14 +53,6 @@ ARM = """<mujoco model="bent arm"><compiler angle="degree"/>
 <keyframe><key name="home" qpos="1 0 .5 1 0 0 0 0.1 0.2 0.03 0.4 0.01 0.006"/></keyframe>
 </mujoco>"""
 
-#: A link that turns beside a box.
-BESIDE_A_BOX = """<mujoco><worldbody>
-<geom name="box" type="box" size=".1 .1 .1" pos=".6 0 .5" euler="0 0 30"/>
-<body name="base"><geom type="sphere" size=".05"/><body name="link" pos="0 0 .5">
-<joint name="j" axis="0 1 0" range="-90 90"/>
-<geom type="capsule" size=".03 .05" pos=".3 0 0" euler="0 90 0"/></body></body></worldbody></mujoco>
-"""
-
 
 def chain(body: str, joints: str = "", geoms: str = '<geom size=".1"/>') -> str:
     """A model of one moving body, whose parts are given."""
@@ -233,26 +225,6 @@ def test_the_rest_of_a_model_is_a_scene(arm: Path) -> None:
         ("table", "right"),
         ("ball", "right"),
     }, "what stands still never meets, and the right finger's mask meets nothing"
-
-
-def test_clearances_in_a_scene_are_those_of_mujoco(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = write(tmp_path, BESIDE_A_BOX)
-    run: Run = runner(capsys)
-    model = mujoco.MjModel.from_xml_path(str(path))
-    data = mujoco.MjData(model)
-    nearest = set()
-    for angle in (-1.2, -0.3, 0.1, 0.5, 1.2):
-        data.qpos[0] = angle
-        mujoco.mj_kinematics(model, data)
-        # Both of the link, which alone moves: with the box, and with the base.
-        distances = [mujoco.mj_geomDistance(model, data, 2, geom, 10.0, None) for geom in (0, 1)]
-        told = run("check", str(path), "-q", str(angle), "--scene", str(path), "--json")
-        assert told.code == 0, told.out
-        assert told.json["clearance"] == pytest.approx(min(distances), abs=2e-5)
-        nearest |= {*told.json["clearance_pair"]}
-    assert nearest == {"link", "box", "base"}
 
 
 def test_shapes_that_scenes_have_no_word_for_are_refused(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """Bodies of a chain, loads, motors, dry friction and another gravity."""
 
-import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -29,13 +28,6 @@ from dynamics.model.payload import (
     with_motors,
     with_payload,
 )
-from dynamics.parameters.base_parameters import base_parameters
-from dynamics.parameters.regressor import (
-    parameter_names,
-    reference_regressor,
-    regressor,
-    standard_parameters,
-)
 from dynamics.symbolic import symbolic_inverse_dynamics
 from dynamics.terms import augmented_mass_matrix, gravity_vector, kinetic_energy, mass_matrix
 from kinematics.arrays import Array
@@ -58,8 +50,8 @@ from tests.dynamics.samples import (
     random_state,
     relative_error,
 )
-from tests.tracking.samples import constant, slider, smooth
-from tracking.controllers.model_based import Adaptive, ComputedTorque
+from tests.tracking.samples import constant, slider
+from tracking.controllers.model_based import ComputedTorque
 from tracking.simulation.simulation import SimulationOptions, simulate
 
 
@@ -126,11 +118,6 @@ def test_a_motor_is_an_inertia_to_its_joint() -> None:
     np.testing.assert_allclose(forward_dynamics(driven, q, qd, torques), qdd, atol=1e-9)
 
 
-def test_one_of_two_bodies_of_a_joint_is_enough() -> None:
-    # Joint 0 carries a second body, so one of the two is enough.
-    assert bodies(without(random_chain(1, 4), "link0")).masses[0] > 0.0
-
-
 def test_links_without_inertia_are_massless_where_a_later_one_has_some() -> None:
     """As pinocchio has it, where the body has mass 0."""
     whole = random_chain(1, 4)
@@ -154,20 +141,6 @@ def test_inertia_without_mass_counts() -> None:
     packed = bodies(replace(chain, links=(*chain.links, rotor)))
     assert packed.masses[2] == 0.0
     np.testing.assert_array_equal(packed.tensors[2], np.diag([1.0, 2.0, 3.0]))
-
-
-def test_the_base_does_not_count() -> None:
-    chain = random_chain(2)
-    assert "base" in without(chain, "base").index
-    np.testing.assert_array_equal(bodies(without(chain, "base")).masses, bodies(chain).masses)
-
-
-def test_arrays_are_read_only_and_survive_pickling() -> None:
-    packed = bodies(random_chain(2))
-    for array in packed:
-        assert not array.flags.writeable
-    copy = pickle.loads(pickle.dumps(packed))
-    np.testing.assert_array_equal(copy.tensors, packed.tensors)
 
 
 def test_gravity_can_be_replaced() -> None:
@@ -256,13 +229,6 @@ def test_motors_reflect_through_their_gears() -> None:
     u = np.array([3.0, -1.0])
     np.testing.assert_allclose(motor.torque(motor.voltage(u)), u)
     assert motor.voltage(np.array(1.0)) == pytest.approx(0.8 / (100.0 * 0.05))
-
-
-def test_gravity_is_replaced() -> None:
-    chain = random_chain(3, 3)
-    q = random_state(chain, 0, 1)[0][0]
-    upside = with_gravity(chain, -chain.gravity)
-    np.testing.assert_allclose(gravity_vector(upside, q), -gravity_vector(chain, q), atol=1e-12)
 
 
 def test_faults_are_named() -> None:
@@ -430,30 +396,6 @@ def test_inverse_and_forward_dynamics_are_pinocchios_and_friction() -> None:
         np.testing.assert_allclose(symbolic, tau, atol=1e-9)
 
 
-def test_it_is_identified_from_motion_and_torque() -> None:
-    chain, rng = dry(), np.random.default_rng(1)
-    q, qd, qdd = rng.uniform(-2.0, 2.0, (3, 400, 4))
-    names = parameter_names(chain)
-    assert names[-4:] == ("F1", "F2", "F3", "F4")
-    Theta = standard_parameters(chain)
-    np.testing.assert_array_equal(Theta[-4:], chain.coulomb_friction)
-    tau = inverse_dynamics(chain, q, qd, qdd)
-    np.testing.assert_allclose(regressor(chain, q, qd, qdd) @ Theta, tau, atol=1e-9)
-    v, a = rng.uniform(-2.0, 2.0, (2, 400, 4))
-    twice = np.tanh(qd / SMOOTH_SPEED) * chain.coulomb_friction
-    smooth = reference_regressor(replace(chain, coulomb_friction=np.zeros(4)), q, qd, v, a)
-    both = reference_regressor(chain, q, qd, v, a) @ Theta
-    np.testing.assert_allclose(both - smooth @ Theta[:-4], twice, atol=1e-9)
-    base = base_parameters(chain, motors=True)
-    Y = base.regressor(regressor(chain, q, qd, qdd))
-    beta = np.linalg.lstsq(Y.reshape(-1, base.count), tau.ravel(), rcond=None)[0]
-    found = dict(zip(base.names, beta, strict=True))
-    for i, value in enumerate(chain.coulomb_friction, 1):
-        assert found[f"F{i}"] == pytest.approx(value, abs=1e-8)
-    # A robot without it has the parameters that it had.
-    assert len(parameter_names(random_chain(3, 4))) == 48
-
-
 def test_a_slider_slows_down_as_the_equation_says() -> None:
     """M q_ddot + F tanh(q_dot / v) + Kd q_dot + Kp q = 0, by scipy."""
     chain = replace(slider(2.0), coulomb_friction=np.array([1.5]))
@@ -475,19 +417,6 @@ def test_a_slider_slows_down_as_the_equation_says() -> None:
         t_eval=result.times,
     )
     np.testing.assert_allclose(result.position[:, 0], exact.y[0], atol=1e-7)
-
-
-def test_the_adaptive_controller_learns_it() -> None:
-    chain = replace(slider(2.0, friction=0.3), coulomb_friction=np.array([1.5]))
-    wrong = replace(chain, coulomb_friction=np.array([0.5]))
-    there = smooth(chain, np.zeros(1), np.ones(1))
-    controller = Adaptive(wrong, np.array(10.0), np.array(20.0), np.array(500.0))
-    assert controller.parameters.names[-1] == "F1"
-    options = SimulationOptions(saturate=False)
-    result = simulate(controller, there, options, robot=chain)
-    exact = simulate(ComputedTorque.by_pole_placement(chain, 10.0), there, options)
-    assert exact.max_tracking_error.max() < 1e-6
-    assert abs(result.estimate[-1, -1] - 1.5) < 0.5 * abs(0.5 - 1.5)
 
 
 def test_it_takes_its_part_of_every_torque_limit() -> None:

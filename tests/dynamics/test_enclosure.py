@@ -9,9 +9,7 @@ import pytest
 from dynamics.enclosure import bounds_kernel, tool_speed_use, torque_use
 from dynamics.inverse import inverse_dynamics
 from dynamics.model.body import bodies
-from dynamics.model.payload import with_payload
 from kinematics.errors import MissingInertia
-from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_names, builtin_urdf
@@ -75,32 +73,6 @@ def test_cells_enclose_what_pinocchio_computes() -> None:
             assert (np.abs(tau - center) <= torques[0, :, 2] + 1e-9).all()
 
 
-def test_radii_shrink_with_the_square_of_the_cell() -> None:
-    chain = chain_of("panda")
-    motion = random_motion(chain, np.random.default_rng(2), 1)
-    radii = []
-    for half in (1e-2, 5e-3):
-        cells = np.array([[0.0, 0.5 * motion.duration, half]])
-        torques, speeds = np.empty((1, chain.n, 3)), np.empty((1, 3))
-        bounds_kernel(
-            bodies(chain), np.zeros(3), motion.breaks, motion.coefficients, cells, torques, speeds
-        )
-        radii.append(torques[0, :, 2])
-    assert (radii[1] < 0.3 * radii[0]).all()
-
-
-def test_a_payload_counts() -> None:
-    chain = chain_of("iiwa14")
-    motion = random_motion(chain, np.random.default_rng(3))
-    loaded = with_payload(chain, 5.0, (0.0, 0.0, 0.1))
-    limits = np.full(7, 100.0)
-    times = np.linspace(0.0, motion.duration, 2001)
-    torques = inverse_dynamics(loaded, *(motion.sample(times, order) for order in range(3)))
-    use = torque_use(loaded, motion, limits)
-    assert use.ratio == pytest.approx(np.abs(torques / limits).max(), rel=3e-3)
-    assert use.ratio > torque_use(chain, motion, limits).ratio
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_narrow_cells_are_the_torques_and_speeds_of_their_middle(seed: int) -> None:
     # Joints of both types in any order: a term that is missing would show in some joint.
@@ -142,14 +114,6 @@ def test_a_robot_that_stands_uses_the_torque_of_gravity() -> None:
     assert use.joint == expected.argmax()
 
 
-def test_a_joint_without_limit_uses_none_of_it() -> None:
-    arm = planar_rr()
-    motion = stay(arm.joint_names, [0.4, -0.9], 1.0)
-    assert torque_use(arm, motion, [np.inf, np.inf]).ratio == 0.0
-    assert torque_use(arm, motion, [np.inf, 2.0]).joint == 1
-    assert torque_use(arm, motion, [10.0, np.inf]).joint == 0
-
-
 @pytest.mark.parametrize("factor", [0.1, 3.0])
 def test_use_is_inverse_to_the_limit(factor: float) -> None:
     chain = random_chain(2, 3, motors=True)
@@ -179,13 +143,6 @@ def test_the_speed_of_a_tool_on_a_slide_is_that_of_the_slide() -> None:
     assert use.time < 0.1
     # The pendulum turns behind the cart's own link.
     assert tool_speed_use(cart, swing(cart.joint_names, 1, 0.8), 0.4).ratio == 0.0
-
-
-def test_a_tool_on_the_base_has_no_speed() -> None:
-    chain = replace(random_chain(1, 3), tip_link="base")
-    motion = swing(chain.joint_names, 0, 5.0)
-    assert tool_speed_use(chain, motion, 0.1) == (0.0, 0.0, 0, 0.0)
-    assert forward(chain, motion.end).shape == (4, 4)
 
 
 def test_a_robot_without_inertias_is_refused() -> None:

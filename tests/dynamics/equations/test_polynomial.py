@@ -9,8 +9,8 @@ import pytest
 import sympy
 
 from dynamics.equations import polynomial
-from dynamics.equations.formula import Collect, Notation, Writer, formula, numeric_value, real_terms
-from dynamics.equations.polynomial import Polynomial, TooManyTerms, Variables, constant, matrix
+from dynamics.equations.formula import Collect, Notation, formula, numeric_value, real_terms
+from dynamics.equations.polynomial import Polynomial, TooManyTerms, Variables, constant
 from dynamics.equations.sheet import AXES, write_sheet
 from dynamics.equations.table import SymbolicTable, symbolic_table
 from kinematics.errors import InvalidOption
@@ -19,9 +19,7 @@ from tests.dynamics.equations.tables import (
     TABLES,
     articulated_arm,
     evaluate,
-    parse,
     state,
-    text_sheet,
 )
 
 V = Variables(("u", "v", "m", "l"), frozenset({"u", "v"}))
@@ -80,26 +78,6 @@ def test_quarter_turns_are_exact(turns: int) -> None:
     assert equal(s, sympy.sin(u + turns * sympy.pi / 2))
 
 
-def test_identities_hold_by_themselves() -> None:
-    (cu, su), (cv, sv) = V.rotation("u"), V.rotation("v")
-    assert cu * cu + su * su == constant(1.0)
-    assert not (cu * cv + su * sv) * V.symbol("m") - V.symbol("m") * (su * sv + cv * cu)
-    R = matrix([[cu, -su], [su, cu]])
-    assert (R @ R.T)[0, 0] == constant(1.0)
-    assert not (R @ R.T)[0, 1]
-
-
-def test_high_powers_keep_their_signs() -> None:
-    value, key = constant(1.0), None
-    for _ in range(40):
-        value = value * V.rotation("u")[0] * V.symbol("l")
-    for key in value.terms:
-        powers = V.exponents(key)
-        assert abs(powers[0]) <= 40
-        assert powers[1:] == (0, 0, 40)
-        assert V.key(powers) == key
-
-
 def test_formulas_that_nobody_reads_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(polynomial, "MAX_TERMS", 3)
     cu, cv = V.rotation("u")[0], V.rotation("v")[0]
@@ -119,10 +97,6 @@ TABLE: SymbolicTable = symbolic_table(articulated_arm())
 FORMULA_V = TABLE.variables
 
 
-def written(value: Polynomial, collect: Collect = Collect.ANGLES) -> str:
-    return Writer(Notation.TEXT).write(formula(TABLE, value, collect))
-
-
 def cos(*joints: int) -> Polynomial:
     """Cosine of the sum of the angles of some joints, numbered from 1."""
     return rotation(*joints)[0]
@@ -134,37 +108,6 @@ def rotation(*joints: int) -> tuple[Polynomial, Polynomial]:
         c_j, s_j = FORMULA_V.rotation(f"q_{j}")
         c, s = c * c_j - s * s_j, s * c_j + c * s_j
     return c, s
-
-
-def test_angles_of_parallel_axes_add_and_those_of_others_do_not() -> None:
-    assert TABLE.groups == (0, 1, 1)
-    (c2, s2), (c3, s3) = rotation(2), rotation(3)
-    assert written(c2 * c3 - s2 * s3) == "c_23"
-    assert written(s2 * c3 + c2 * s3) == "s_23"
-    assert written(cos(1) * c2) == "c_1 * c_2"
-    assert written(c2 * c3 + s2 * s3) == "c_2m3"
-
-
-def test_sums_become_products_where_that_is_shorter() -> None:
-    c2, s2 = rotation(2)
-    c23, s23 = rotation(2, 3)
-    assert written(c2 * c2) == "c_2**2"
-    assert written(s2 * s2) == "s_2**2"
-    assert written(c2 * c23) == "c_2 * c_23"
-    assert written(s2 * s23) == "s_2 * s_23"
-    assert written(s2 * c23) == "s_2 * c_23"
-    assert written(c2 * c2 - s2 * s2) == "c_22"
-    assert written(c2 * c2 + s2 * s2) == "1"
-
-
-def test_factors_are_taken_out() -> None:
-    m, a, g = FORMULA_V.symbol("m_2"), FORMULA_V.symbol("a_2"), FORMULA_V.symbol("g")
-    c1, c2 = cos(1), cos(2)
-    assert written(m * a * c2 + m * g, Collect.MASSES) == "m_2 * (a_2 * c_2 + g)"
-    assert written(c1 * (a * c2 + g)) == "c_1 * (g + a_2 * c_2)"
-    assert written(-(a * c2) - g) == "-(g + a_2 * c_2)"
-    assert written(a - a) == "0"
-    assert written(a * 0.5) == "1/2 * a_2"
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -197,32 +140,6 @@ def test_every_form_has_the_same_value(seed: int) -> None:
 def table(*alphas: float, convention: Any = "standard", **changes: Any) -> DhTable:
     rows = tuple(DhRow("revolute", a=0.3, alpha=alpha, **changes) for alpha in alphas)
     return DhTable(convention, rows)
-
-
-@pytest.mark.parametrize(
-    ("alphas", "standard", "modified"),
-    [
-        ((0.0, 0.0, 0.0), (0, 0, 0), (0, 0, 0)),
-        ((math.pi, 0.0, 0.5), (0, 0, 0), (0, 0, 1)),
-        ((math.pi / 2, 0.0, 0.0), (0, 1, 1), (0, 0, 0)),
-        ((0.0, 0.5, 0.0), (0, 0, 1), (0, 1, 1)),
-    ],
-)
-def test_angles_of_parallel_axes_are_of_one_group(
-    alphas: tuple[float, ...], standard: tuple[int, ...], modified: tuple[int, ...]
-) -> None:
-    assert symbolic_table(table(*alphas)).groups == standard
-    assert symbolic_table(table(*alphas, convention="modified")).groups == modified
-
-
-def test_a_slightly_turned_axis_is_not_parallel() -> None:
-    assert symbolic_table(table(0.0, 0.0, beta=1e-8)).groups == (0, 1)
-
-
-def test_angles_of_opposite_axes_are_subtracted() -> None:
-    sheet = text_sheet(table(math.pi, 0.0))
-    assert sheet.frame[0][0] == "c_1m2"
-    assert dict(sheet.abbreviations)["c_1m2"] == "cos(q_1 - q_2)"
 
 
 def test_zeros_and_quarter_turns_are_no_symbols() -> None:
@@ -284,16 +201,6 @@ def test_textbook_arms_have_their_factors(table: DhTable, axes: str, expected: s
     assert write_sheet(table, Notation.TEXT, axes.split(",")).determinant == expected
 
 
-@pytest.mark.parametrize("name", ["planar", "articulated", "cart"])
-def test_the_determinant_is_that_of_sympy(name: str) -> None:
-    table = TABLES[name]
-    axes = AXES[: len(table.rows)]
-    sheet = write_sheet(table, Notation.TEXT, axes)
-    J = sympy.Matrix([[parse(sheet, text) for text in row] for row in sheet.jacobian[: len(axes)]])
-    assert sheet.determinant is not None
-    assert sympy.simplify(parse(sheet, sheet.determinant) - J.det()) == 0
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_arms_at_odd_angles_have_the_values_of_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -309,12 +216,6 @@ def test_arms_at_odd_angles_have_the_values_of_numpy(seed: int) -> None:
         J = evaluate(sheet, sheet.jacobian, state(q, q, q))[[AXES.index(axis) for axis in axes]]
         found = evaluate(sheet, [sheet.determinant], state(q, q, q))[0]
         assert found == pytest.approx(np.linalg.det(J.astype(float)), abs=1e-12)
-
-
-def test_an_added_angle_is_part_of_the_factor() -> None:
-    table = arm({"a": 0.5, "theta": 0.3}, {"a": 0.4, "theta": 0.2})
-    sheet = write_sheet(table, Notation.LATEX, ["x", "y"])
-    assert (sheet.determinant or "").endswith("s_{2}")
 
 
 def test_long_arms_and_wrong_axes_are_told() -> None:

@@ -12,7 +12,7 @@ import sympy
 from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotDescription
 from kinematics.forward import forward, joint_frames, link_poses
-from kinematics.model.chain import MAX_JOINTS, Chain, JointType
+from kinematics.model.chain import MAX_JOINTS, Chain
 from kinematics.model.dh import (
     PARALLEL_ANGLE,
     Convention,
@@ -286,13 +286,6 @@ def test_tip_must_move_with_the_last_joint() -> None:
         dh_from_chain(replace(chain, tip_link="link_1"))
 
 
-def test_prismatic_rows_slide_along_z() -> None:
-    rows = (DhRow("prismatic", d=0.5, theta=0.3, lower=0, upper=1),)
-    chain = chain_from_dh("slide", DhTable("standard", rows))
-    assert chain.joint_types[0] == JointType.PRISMATIC
-    np.testing.assert_allclose(forward(chain, [0.25])[:3, 3], [0, 0, 0.75], atol=1e-15)
-
-
 def row(a: float, d: float, alpha: float = 0.0, kind: str = "revolute") -> DhRow:
     return DhRow(kind, a=a, alpha=alpha, d=d, lower=-3.0, upper=3.0)  # type: ignore[arg-type]
 
@@ -313,13 +306,6 @@ def multiplied_out(table: DhTable, q: Array) -> Array:
         T = T @ transform(rotation_z(theta), [0.0, 0.0, d]) @ x_part
         places.append(T[:3, 3])
     return np.array([*places[:-1], (T @ table.tool)[:3, 3]])
-
-
-def test_two_parallel_axes_have_their_origins_at_the_height_of_the_table() -> None:
-    chain = chain_from_dh("rr", DhTable("standard", (row(0.3, 0.4), row(0.2, 0.1))))
-    np.testing.assert_allclose(
-        origins(chain, np.zeros(2)), [[0.3, 0.0, 0.4], [0.5, 0.0, 0.5]], atol=1e-15
-    )
 
 
 @pytest.mark.parametrize("name", builtin_names())

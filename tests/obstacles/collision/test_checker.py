@@ -2,7 +2,6 @@
 
 import itertools
 import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -405,13 +404,6 @@ def test_room_that_runs_out_is_widened_to_the_same_verdict() -> None:
 _SAMPLES = 25
 
 
-def arena_of_edge_check(robot: RobotGeometry, seed: int) -> Scene:
-    """Solids about as far away as the arm reaches, no floor: it may fill all of a small one's."""
-    reach = float(np.linalg.norm(robot.chain.offsets[:, :3, 3], axis=1).sum()) + 0.1
-    scene = clutter(np.random.default_rng(seed), 1.2 * reach)
-    return replace(scene, obstacles=scene.obstacles[1:])
-
-
 def edges(robot: RobotGeometry, seed: int, count: int) -> list[tuple[Array, Array]]:
     """Motions that bend, from a hundredth to a half of the joints' range."""
     random = np.random.default_rng(seed)
@@ -436,23 +428,6 @@ def assert_true(judge: FclJudge, motion: Motion, start: Array, powers: Array) ->
     elif motion.colliding:
         assert 0.0 <= motion.at <= 1.0
         assert judge.collides(at(start, powers, motion.at))
-
-
-@pytest.mark.parametrize("name", builtin_names())
-@pytest.mark.parametrize("seed", [1, 2])
-def test_fcl_finds_no_collision_on_a_proved_edge(name: str, seed: int) -> None:
-    robot = builtin(name)
-    scene = arena_of_edge_check(robot, seed)
-    checker, judge = Checker.of(robot, scene), FclJudge(robot, scene)
-    free = 0
-    for start, powers in edges(robot, seed, 12):
-        motion = checker.curve(start, powers[0], powers[1])
-        assert_true(judge, motion, start, powers)
-        free += motion.free
-        # What FCL finds at a sample is found by the proof as well.
-        if any(judge.collides(at(start, powers, s)) for s in (0.0, 0.5, 1.0)):
-            assert not motion.free
-    assert free > 1
 
 
 @pytest.mark.parametrize("seed", [3, 4])

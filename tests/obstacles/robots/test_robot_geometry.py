@@ -9,7 +9,6 @@ import pytest
 import trimesh
 
 import armwright as aw
-from armwright_wire.scenes import check
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotDescription
 from kinematics.forward import link_poses
 from kinematics.model.chain import Chain
@@ -23,7 +22,7 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld, OverlapMeter
 from obstacles.convex.piece import PieceKind
 from obstacles.distance.signed_distance import signed_distance
-from obstacles.robots.allowed_pairs import TOUCH_DEPTH, allowed_pairs, deepest
+from obstacles.robots.allowed_pairs import allowed_pairs, deepest
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.link_margins import with_margins
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
@@ -132,27 +131,6 @@ def test_the_srdf_decides_where_there_is_one() -> None:
     assert geometry.allowed[("three", "tool")] == "same body"
     silent, _, _ = built(semantics=parse_srdf('<robot name="snake"/>'))
     assert silent.allowed[("base", "one")] == "adjacent"
-
-
-def test_defaults_of_an_srdf_say_the_same_as_its_pairs() -> None:
-    newer = (
-        '<robot name="snake"><disable_default_collisions link="two"/>'
-        '<enable_collisions link1="base" link2="two"/></robot>'
-    )
-    older = (
-        '<robot name="snake"><disable_collisions link1="two" link2="one"/>'
-        '<disable_collisions link1="two" link2="three"/>'
-        '<disable_collisions link1="two" link2="tool"/></robot>'
-    )
-    first, _, _ = built(semantics=parse_srdf(newer))
-    second, _, _ = built(semantics=parse_srdf(older))
-    assert dict(first.allowed) == dict(second.allowed)
-    assert ("base", "two") not in first.allowed
-    np.testing.assert_array_equal(first.self_pairs, second.self_pairs)
-    enabled = '<robot name="snake"><enable_collisions link1="base" link2="one"/></robot>'
-    geometry, _, _ = built(semantics=parse_srdf(enabled))
-    assert ("base", "one") not in geometry.allowed, "neighbours too, where the file says so"
-    assert geometry.allowed[("one", "two")] == "adjacent"
 
 
 def test_the_hash_follows_the_content() -> None:
@@ -327,10 +305,6 @@ def test_pairs_that_touch_often_are_told_with_how_often() -> None:
 
 PANDA = builtin("panda")
 HAND = aw.fk(PANDA, HOME, "panda_hand")
-
-
-def test_the_schemas_have_the_same_depth() -> None:
-    assert check.TOUCH_DEPTH == TOUCH_DEPTH
 
 
 def test_requests_count_before_touch_links_and_these_before_scenes() -> None:

@@ -20,7 +20,6 @@ from kinematics.errors import (
     InvalidLinkName,
     InvalidObjectName,
     InvalidOption,
-    InvalidScene,
 )
 from kinematics.forward import forward
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
@@ -202,17 +201,6 @@ def test_built_in_tools_end_in_their_tips(form: str) -> None:
     np.testing.assert_allclose(grown, 1.1 * made.tcp["tip"][:3, 3], rtol=1e-12)
 
 
-def test_unknown_forms_and_sizes_are_refused() -> None:
-    with pytest.raises(InvalidOption, match="no built-in tool 'claw'"):
-        built_in_tool("claw", "it")
-    with pytest.raises(InvalidOption, match="a torch has no size 'opening'"):
-        built_in_tool("torch", "it", opening=0.1)
-    with pytest.raises(InvalidScene, match="cylinder height"):
-        built_in_tool("spindle", "it", length=0.0)
-    with pytest.raises(InvalidOption, match="half-space"):
-        Solid(HalfSpace([0.0, 0.0, 1.0], 0.0))
-
-
 JAW = Jaw(np.eye(4), np.array([1.0, 0.0, 0.0]))
 
 
@@ -278,11 +266,6 @@ def ell() -> Mesh:
         j = (k + 1) % 6
         faces += [(k, j, j + 6), (k, j + 6, k + 6)]
     return Mesh(vertices, np.array(faces))
-
-
-def lines(grasps: Array) -> Array:
-    """Direction between the fingers of each grasp."""
-    return grasps[:, :3, 0]
 
 
 def test_the_span_is_that_of_the_jaws_in_the_frame_of_the_tip() -> None:

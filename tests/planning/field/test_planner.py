@@ -238,12 +238,6 @@ def test_the_next_goal_is_tried_where_one_is_not_reached() -> None:
     assert len(found.waypoints) == 2
 
 
-def test_the_deadline_ends_it() -> None:
-    found = asked(builtin("panda"), POST, HOME, turned(), FieldOptions(), seconds=0.0)
-    assert found.waypoints is None
-    assert "time" in found.detail
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -343,16 +337,6 @@ def test_a_local_minimum_names_the_obstacle_the_point_and_the_force() -> None:
     assert why.details["force"] == pytest.approx(np.abs(result.joint_force).max())
     for words in ("'ball' pushes point 1", "'joint_1'", "escapes (0)", "repulsive_weights (0.005)"):
         assert words in why.hint, why.hint
-
-
-def test_too_few_steps_and_too_little_patience_are_named_with_their_values() -> None:
-    scene = ball(0.12, 0.75, 0.55)
-    result, why = stopped(scene, [0.0, 0.3], [1.4, -0.3], max_iterations=7)
-    assert result.ending == "steps_used_up"
-    assert "max_iterations (7)" in why.hint
-    result, why = stopped(scene, [0.0, 0.3], [1.4, -0.3], patience=1, progress=0.1)
-    assert result.ending == "no_progress"
-    assert "patience (1)" in why.hint
 
 
 def test_a_step_into_an_obstacle_names_the_pair() -> None:

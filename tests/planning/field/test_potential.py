@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption
 from kinematics.forward import forward, link_poses
 from kinematics.model.chain import Chain
 from kinematics.model.dh import chain_from_dh, dh_from_chain
@@ -255,14 +254,6 @@ def test_origins_are_those_of_the_table_and_of_the_tip(name: str) -> None:
     frames = link_poses(table, q, [f"link_{i + 1}" for i in range(chain.n - 1)])
     np.testing.assert_allclose(points[:-1], frames[:, :3, 3], atol=1e-12)
     assert not origin_points(chain).radii.any()
-
-
-def test_origins_have_the_radii_given() -> None:
-    chain = slider().chain
-    assert origin_points(chain, 0.2).radii.tolist() == [0.2, 0.2]
-    assert origin_points(chain, [0.1, 0.3]).radii.tolist() == [0.1, 0.3]
-    with pytest.raises(InvalidOption, match=r"3 value.*2 control points"):
-        origin_points(chain, [0.1, 0.2, 0.3])
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from kinematics.robots import builtin_chain
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
-from planning.field.options import MAX_ITERATIONS, PRESETS, FieldOptions
+from planning.field.options import PRESETS, FieldOptions
 from planning.field.planner import potential_of
 from planning.field.weights import MAX_WEIGHT, FieldWeights, positive, share, whole
 from planning.options import Options
@@ -33,31 +33,10 @@ from planning.result import Plan
 BOTH = ("attractive_weights", "repulsive_weights")
 
 
-def weighted(name: str, value: Any) -> FieldWeights:
-    return FieldWeights(**{name: value})
-
-
 def refused(**options: Any) -> InvalidOption:
     with pytest.raises(InvalidOption) as caught:
         FieldWeights(**options)
     return caught.value
-
-
-@pytest.mark.parametrize("name", BOTH)
-def test_one_number_is_the_weight_of_every_point(name: str) -> None:
-    weights = weighted(name, 0.7)
-    for m in (1, 5):
-        each = dict(zip(BOTH, weights.each(m), strict=True))[name]
-        np.testing.assert_array_equal(each, np.full(m, 0.7))
-
-
-@pytest.mark.parametrize("name", BOTH)
-@pytest.mark.parametrize("m", [1, 2, 4])
-def test_as_many_weights_as_points_are_needed(name: str, m: int) -> None:
-    with pytest.raises(InvalidOption) as caught:
-        weighted(name, [1.0, 1.0, 1.0]).each(m)
-    assert caught.value.message == f"{name} has 3 value(s), there are {m} control points"
-    assert caught.value.details["control_points"] == m
 
 
 def test_shares_of_one_number_and_none_of_one_each() -> None:
@@ -76,22 +55,6 @@ def test_shares_of_one_number_and_none_of_one_each() -> None:
 @pytest.mark.parametrize("name", BOTH)
 def test_weights_out_of_range_are_refused_by_name(name: str, value: Any) -> None:
     assert refused(**{name: value}).message.startswith(f"{name} must be a number from 0 to 1e+09")
-
-
-@pytest.mark.parametrize("name", ["attractive_cap", "influence_distance", "least_distance"])
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf, True, None])
-def test_distances_are_positive(name: str, value: Any) -> None:
-    assert refused(**{name: value}).message.startswith(f"{name} must be a positive number")
-
-
-@pytest.mark.parametrize(("least", "taken"), [(0.099, True), (0.1, False), (0.2, False)])
-def test_the_least_distance_is_below_the_influence(least: float, taken: bool) -> None:
-    if taken:
-        assert FieldWeights(least_distance=least, influence_distance=0.1).least_distance == least
-    else:
-        error = refused(least_distance=least, influence_distance=0.1)
-        assert "not below the influence_distance 0.1 m" in error.message
-        assert error.hint
 
 
 @given(st.one_of(st.floats(min_value=5e-324, max_value=1.7e308), st.integers(1, 10**30)))
@@ -149,48 +112,9 @@ def test_a_named_option_changes_that_one_alone(preset: str) -> None:
     assert kept == {**base, "keep_path": True, "fallback": None}
 
 
-def test_radii_belong_to_origins() -> None:
-    assert FieldOptions.of({"point_radii": [0.1, 0.0]}).point_radii == [0.1, 0.0]
-    with pytest.raises(InvalidOption, match="point_radii are those of origins"):
-        FieldOptions.of({"preset": "quick", "point_radii": 0.1})
-    for bad in (-0.1, [], [0.1, -1.0], "wide", True, float("nan"), float("inf")):
-        with pytest.raises(InvalidOption, match="point_radii must be"):
-            FieldOptions.of({"point_radii": bad})
-
-
 def test_a_kept_path_has_no_straight_connection() -> None:
     assert FieldOptions().rules(LOWER, UPPER).connect
     assert not FieldOptions(keep_path=True).rules(LOWER, UPPER).connect
-
-
-def test_a_value_out_of_range_is_told_with_its_place() -> None:
-    with pytest.raises(InvalidOption) as refused:
-        FieldOptions.of({"attractive_cap": -1.0})
-    assert refused.value.message.startswith("planner_options.attractive_cap must be")
-    with pytest.raises(InvalidOption) as refused:
-        FieldOptions.of({"least_distance": 0.5})
-    assert refused.value.hint is not None
-    assert refused.value.hint.startswith("Lower least_distance")
-
-
-@pytest.mark.parametrize(
-    ("name", "least", "most"),
-    [("halvings", 0, 30), ("max_iterations", 1, MAX_ITERATIONS), ("patience", 1, MAX_ITERATIONS),
-     ("escapes", 0, 1000), ("escape_steps", 1, 1000)],
-)  # fmt: skip
-def test_counts_are_taken_from_end_to_end(name: str, least: int, most: int) -> None:
-    for value in (least, most):
-        assert getattr(FieldOptions.of({name: value}), name) == value
-    for value in (least - 1, most + 1):
-        with pytest.raises(InvalidOption, match=f"{name} must be a whole number"):
-            FieldOptions.of({name: value})
-
-
-def test_step_sizes_are_at_most_so_many() -> None:
-    rules = FieldOptions(step_sizes=[0.1] * 10_000).rules(LOWER, UPPER)
-    assert len(rules.sizes) == 10_000
-    with pytest.raises(InvalidOption, match="step_sizes must be 1 to 10000 numbers"):
-        FieldOptions(step_sizes=[0.1] * 10_001)
 
 
 CHAIN = builtin_chain("panda")

@@ -329,11 +329,6 @@ def test_given_times_are_not_optimised() -> None:
         plan(problem("panda", HOME, ASIDE), Options("optimize", timing=timing))
 
 
-def test_refine_is_asked_for_once() -> None:
-    with pytest.raises(InvalidOption, match="twice"):
-        plan(problem("panda", HOME, ASIDE), Options("optimize", refine=RefineOptions()))
-
-
 ROBOT = builtin("panda")
 CHAIN, ORACLE = ROBOT.chain, PinocchioArm()
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])

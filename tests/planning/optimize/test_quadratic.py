@@ -74,13 +74,6 @@ def test_a_point_keeps_rows_and_bounds_to_a_millionth_of_what_they_are(
             assert asked.satisfies(z) is kept
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_point_that_is_not_finite_is_no_solution(value: float) -> None:
-    asked = Quadratic(np.eye(3), np.zeros(3), np.eye(3), -WIDE, WIDE, -WIDE, WIDE)
-    assert asked.satisfies(np.ones(3))
-    assert not asked.satisfies(np.array([0.0, value, 0.0]))
-
-
 SPACE = SplineSpace.uniform(3, 9)
 SIZE = SPACE.count + 2
 VELOCITY, ACCELERATION = 1.0, 4.0

@@ -13,14 +13,11 @@ import trimesh
 from kinematics.arrays import Array
 from kinematics.caches import preparation_limit
 from kinematics.caches.preparation_limit import PreparationTimedOut
-from kinematics.errors import InvalidGoal, InvalidOption, MissingLimit
+from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.forward import forward
 from kinematics.ik.numeric.numeric import solve
 from kinematics.pose import from_rpy, rotation_error, transform
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
-from obstacles.robots.robot_geometry import robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Mesh
 from planning.constrained.checker import ConstrainedChecker
@@ -217,23 +214,6 @@ def test_no_way_times_out_in_time() -> None:
     assert quickest(attempt, 1.5) < 1.5
 
 
-def test_caller_faults_are_named() -> None:
-    with pytest.raises(InvalidOption):
-        Options(timeout=0.0)
-    with pytest.raises(InvalidOption):
-        TimingOptions(velocity_scaling=1.5)
-
-
-def test_missing_limit_names_the_joints() -> None:
-    urdf = """<robot name="r"><link name="a"/><link name="b"/>
-      <joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
-      <limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
-    description = parse_urdf(urdf)
-    robot = robot_geometry(serial_chain(description), description)
-    with pytest.raises(MissingLimit, match="no acceleration limit is known"):
-        plan(Problem(robot, Scene(), np.zeros(1), (JointGoal(np.ones(1) * 0.5),)), Options())
-
-
 def test_a_mesh_that_takes_too_long_to_prepare_is_told_at_the_deadline(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -312,24 +292,6 @@ def test_only_the_cartesian_planner_needs_no_goal_configurations() -> None:
     for name in PLANNERS:
         needs = {p.needs_goals for p in choose_planners(problem(WALL), Options(planner=name))}
         assert needs == {name != "cartesian"}
-
-
-@pytest.mark.parametrize("name", ["auto", "straight_line", "cartesian"])
-def test_planners_without_options_take_none(name: str) -> None:
-    with pytest.raises(InvalidOption, match="has no options"):
-        chosen(name, {"range": 0.5})
-
-
-@pytest.mark.parametrize("name", ["potential_field", "rrt_connect", "prm"])
-def test_options_of_another_planner_are_refused(name: str) -> None:
-    with pytest.raises(InvalidOption, match="has no option 'speed'"):
-        chosen(name, {"speed": 1.0})
-
-
-def test_unknown_planners_are_refused_with_the_known_ones() -> None:
-    with pytest.raises(InvalidOption, match="there is no planner 'magic'") as caught:
-        chosen("magic")
-    assert caught.value.details["planners"] == list(PLANNERS)
 
 
 def test_the_cascade_finds_a_way_round_a_wall_with_its_trees_at_the_latest() -> None:

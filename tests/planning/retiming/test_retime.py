@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption, InvalidTrajectory
+from kinematics.errors import InvalidTrajectory
 from kinematics.robots import builtin_chain
 from planning.retiming.retime import retime
 from planning.retiming.retimed import PathToTime, Retimed
@@ -179,28 +179,6 @@ def test_torques_payload_and_tool_speed_of_a_robot() -> None:
         retime(outside, TimingOptions(), {}, chain)
     assert failure.value.details["joint"] in chain.joint_names
     assert failure.value.hint == "Give waypoints within the joint's limits."
-
-
-@pytest.mark.parametrize(
-    ("options", "error", "match"),
-    [
-        ({"method": "guess"}, InvalidOption, "guess"),
-        ({"method": "spline", "interpolation": "linear"}, InvalidOption, "linear"),
-        ({"times": [0.0, 1.0]}, InvalidOption, "spline"),
-        ({"solver": "guess"}, InvalidOption, "guess"),
-        ({"solver": "toppra", "method": "jerk_limited"}, InvalidOption, "belongs to"),
-        ({"solver": "reachability", "method": "spline"}, InvalidOption, "belongs to"),
-        ({"method": "spline", "times": [0.0, 1.0]}, InvalidTrajectory, "times"),
-        ({"jerk_scaling": 0.0}, InvalidOption, "jerk_scaling"),
-        ({"blend_tolerance": -1.0}, InvalidOption, "tolerance"),
-        ({"start_velocity": [1.0]}, InvalidOption, "start_velocity"),
-        ({"start_velocity": [0.0, 0.0, 1.0]}, InvalidOption, "along"),
-        ({"tool_speed": 1.0}, InvalidOption, "robot"),
-    ],
-)
-def test_what_is_refused(options: dict[str, Any], error: type[Exception], match: str) -> None:
-    with pytest.raises(error, match=match):
-        timed(**options)
 
 
 def test_stops_are_named_by_their_place_on_the_path() -> None:

@@ -128,13 +128,6 @@ def test_a_state_outside_the_stops_is_refused() -> None:
         time_states(PANDA.joint_names, (JointState(HOME), JointState(out)), TIMING, {}, PANDA)
 
 
-def test_a_limit_that_is_missing_is_named() -> None:
-    states = JointState(np.zeros(2)), JointState(np.ones(2))
-    without = {name: LIMITS[name] for name in ("velocity", "acceleration")}
-    with pytest.raises(MissingLimit, match="no jerk limit is known"):
-        time_states("ab", states, TIMING, without)
-
-
 def test_a_note_says_where_no_straight_line_is_possible() -> None:
     bent = JointState(np.zeros(2), np.array([0.5, 0.0])), JointState(np.ones(2))
     assert "no straight line" in time_states("ab", bent, TIMING, LIMITS).notes[0]

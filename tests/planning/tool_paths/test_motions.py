@@ -40,18 +40,6 @@ def test_each_motion_begins_where_the_one_before_ends() -> None:
             assert np.linalg.norm(arc.pose(s)[:3, 3] - [0.4, 0.0, 0.4]) == pytest.approx(0.1)
 
 
-def test_an_arc_that_is_none_is_named_by_its_number() -> None:
-    asked = CartesianOptions(
-        motions=(
-            ToolMotionOptions("lin", at(0.5, 0.0)),
-            ToolMotionOptions("circ", at(0.7, 0.0), via=[0.6, 0.0, 0.4]),
-        )
-    )
-    with pytest.raises(InvalidGoal, match=r"motions\[1\]") as caught:
-        tool_motions(START, asked)
-    assert caught.value.details["motion"] == 1
-
-
 PLACES = np.linspace(0.0, 1.0, 33)
 SEEDS = pytest.mark.parametrize("seed", range(15))
 DECIMALS = pytest.mark.parametrize("decimals", [3, 4, 5, 6, 9])

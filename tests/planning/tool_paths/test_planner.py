@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.forward import forward
 from kinematics.ik.closed_form.analytic import branches
 from kinematics.jacobian import geometric
@@ -284,26 +283,6 @@ def test_no_motion_and_a_turn_on_the_spot() -> None:
     turns = Rotation.from_matrix(tool[:, :3, :3] @ T[:3, :3].T).as_rotvec()
     across = np.linalg.norm(np.cross(turns, axis / np.linalg.norm(axis)), axis=1)
     assert across.max() <= 1e-3
-
-
-def test_what_does_not_go_together() -> None:
-    robot = builtin("panda")
-    T = forward(robot.chain, HOME)
-    goals = (PoseGoal(T), PoseGoal(T))
-    with pytest.raises(InvalidGoal, match="one goal"):
-        plan(Problem(robot, Scene(), HOME, goals), options())
-    away = (ToolMotionOptions("lin", moved(T, [0.0, 0.1, 0.0])),)
-    with pytest.raises(InvalidGoal, match=r"0\.1 m"):
-        plan(Problem(robot, Scene(), HOME, (PoseGoal(T),)), options(motions=away))
-    bad = (ToolMotionOptions("lin", T), ToolMotionOptions("circ", T, via=[0.0, 0.0, 0.0]))
-    with pytest.raises(InvalidGoal, match=r"motions\[1\]"):
-        plan(Problem(robot, Scene(), HOME, (PoseGoal(T),)), options(motions=bad))
-    with pytest.raises(InvalidOption, match="via or center"):
-        ToolMotionOptions("circ", T)
-    with pytest.raises(InvalidOption, match="belong to"):
-        ToolMotionOptions("lin", T, via=[0.0, 0.0, 0.0])
-    with pytest.raises(InvalidOption, match="max_deviation"):
-        CartesianOptions(max_deviation=0.0)
 
 
 def test_the_proof_finds_what_is_off() -> None:

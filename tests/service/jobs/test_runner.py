@@ -4,7 +4,6 @@ import asyncio
 import json
 import signal
 import time
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
@@ -228,33 +227,6 @@ def test_who_waits_goes_before_jobs(jobs: Served) -> None:
         assert answer(client.delete(job))["status"] == "cancelled"
 
 
-def test_fifty_jobs_at_once_are_all_answered(client: httpx.Client) -> None:
-    body = {"joints": [[0.1, 0.2]] * 500}
-    kinds = [("/v1/robots/planar_rr/fk", body), ("/v1/plan", EASY)]
-
-    def send(index: int) -> str:
-        path, content = kinds[index % 2]
-        return submit(client, content, path)
-
-    with ThreadPoolExecutor(50) as pool:
-        locations = list(pool.map(send, range(50)))
-    assert len(set(locations)) == 50
-    for location in locations:
-        assert ended(client, location, 60.0)["status"] == "succeeded"
-
-
-def test_events_tell_the_stages_in_order(client: httpx.Client) -> None:
-    told = events(client, submit(client, PLAN))
-    assert [event["number"] for event in told] == list(range(1, len(told) + 1))
-    assert (told[0]["event"], told[0]["status"]) == ("status", "queued")
-    assert (told[-1]["event"], told[-1]["status"], told[-1]["progress"]) == ("end", "succeeded", 1)
-    shares = [event["progress"] for event in told]
-    assert shares == sorted(shares)
-    stages = [event["stage"] for event in told if event["event"] == "stage"]
-    assert stages[0] == "preflight"
-    assert stages.index("straight_line") < stages.index("timing") < stages.index("certificate")
-
-
 def test_events_go_on_where_they_were_broken_off(client: httpx.Client) -> None:
     job = submit(client, PLAN)
     everything = events(client, job)
@@ -272,19 +244,6 @@ def test_events_go_on_where_they_were_broken_off(client: httpx.Client) -> None:
     rest = events(client, running, str(first[-1]["number"]))
     assert rest[-1]["event"] == "end"
     assert min(event["number"] for event in rest) > first[-1]["number"]
-
-
-def test_silent_streams_are_kept_alive(client: httpx.Client) -> None:
-    job = submit(client, STUCK)
-    began(client, job, "rrt_connect")
-    with client.stream("GET", f"{job}/events") as response:
-        assert response.headers["cache-control"] == "no-store"
-        seen = ""
-        for text in response.iter_text():
-            seen += text
-            if seen.count(": keep-alive") >= 2:
-                break
-    answer(client.delete(job))
 
 
 def test_a_failure_ends_the_events_with_its_problem(client: httpx.Client) -> None:
@@ -329,12 +288,6 @@ def test_stages_are_told_in_order_with_shares_that_rise(
     named = [event["stage"] for event in told if event["event"] == "stage"]
     places = [named.index(stage) for stage in stages]
     assert places == sorted(places)
-
-
-PROBLEM = {
-    "type": "/v1/problems/CRASH", "title": "t", "status": 500, "detail": "d", "instance": "/x",
-    "code": "CRASH", "stage": None, "hint": None, "details": {},
-}  # fmt: skip
 
 
 def document(

@@ -3,7 +3,6 @@
 import asyncio
 import json
 import signal
-import sqlite3
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,7 +18,6 @@ from service.storage.store import Store
 from service.storage.stores.job_store import ENDED, JobAnswer, Status, StoredRequest
 from service.validation import ProblemError
 from service.workers.state import JobsFull, ShuttingDown
-from tests.service.commands import serve
 from tests.service.conftest import Served
 from tests.service.jobs.loop import App, ended, run, until
 from tests.service.jobs.requests import ASYNC, EASY, STUCK, batch, began, submit
@@ -28,35 +26,10 @@ from tests.service.jobs.stored import REQUEST, opened, record
 from tests.service.processes import kill_in_work
 from tests.service.robots import (
     answer,
-    bench,
     problem,
 )
 
 BATCH = StoredRequest("POST", "/v1/plan/batch", "application/json", b"{}")
-
-
-def test_a_job_is_queued_runs_and_succeeds(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
-        accepted = await jobs.accept(REQUEST)
-        assert accepted.status == "queued"
-        assert store.jobs.request(accepted.id) == REQUEST
-        await until(lambda: len(app.contexts) == 1)
-        await until(lambda: store.jobs.get(accepted.id)[0].status == "running")
-        app.contexts[0].on_progress(0.5, "search")
-        running, answer = await jobs.get(accepted.id)
-        assert (running.status, running.progress, running.stage) == ("running", 0.5, "search")
-        assert answer is None
-        assert len(jobs._live) == 1
-        app.location = "/v1/robots/x"
-        app.open.set()
-        done, answer = await ended(jobs, accepted.id)
-        await until(lambda: len(jobs._live) == 0)
-        assert (done.status, done.progress, done.location) == ("succeeded", 1.0, "/v1/robots/x")
-        assert answer == JobAnswer("application/json", b'{"done": true}')
-        assert store.jobs.get(accepted.id) == (done, answer)
-        assert app.bodies == [REQUEST.body]
-
-    run(tmp_path, scenario)
 
 
 @pytest.mark.parametrize(
@@ -417,41 +390,6 @@ def test_a_job_must_end_in_time(jobs: Served) -> None:
         error = alone["error"]
         assert (alone["status"], error["code"], error["stage"]) == ("failed", "TIMED_OUT", "job")
         assert "within 1 s" in error["detail"]
-
-
-SINGLE = {"ARMWRIGHT_WORKERS": "1", "ARMWRIGHT_LOG_LEVEL": "error"}
-
-
-def test_jobs_outlive_the_service(tmp_path: Path) -> None:
-    with serve(tmp_path, environment=SINGLE) as (process, client):
-        answer(client.post("/v1/robots", json=bench("stuck")), 201)
-        key = {"Idempotency-Key": "before"}
-        done = submit(client, EASY, **key)
-        kept = ended_job(client, done)
-        lost, queued = submit(client, STUCK), submit(client, STUCK)
-        began(client, lost, "rrt_connect")
-        process.kill()
-        process.wait()
-    with serve(tmp_path, environment=SINGLE) as (process, client):
-        assert answer(client.get(done)) == kept
-        assert submit(client, EASY, **key) == done, "the same key gives the same job as before"
-        began(client, lost, "rrt_connect")  # which ran, and runs once more
-        answer(client.delete(lost))
-        began(client, queued, "rrt_connect")
-        with client.stream("GET", f"{queued}/events") as response:
-            told = response.iter_text()
-            next(told)
-            start = time.monotonic()
-            process.terminate()
-            list(told)
-            assert time.monotonic() - start < 10.0, "open streams end with the service"
-        assert process.wait(10.0) == 0
-    with sqlite3.connect(tmp_path / "armwright.db") as database:
-        (status,) = database.execute(
-            "SELECT status FROM jobs WHERE id = ?", (queued.rpartition("/")[2],)
-        ).fetchone()
-    database.close()
-    assert status == "queued", "it will be taken up again"
 
 
 def test_metrics_count_by_what_is_ours(jobs: Served) -> None:

@@ -28,8 +28,6 @@ from service.storage.stores.plan_store import (
     Retention,
 )
 from service.validation import ProblemError
-from tests.service.jobs.stored import REQUEST
-from tests.service.jobs.stored import record as job_record
 
 KEY = IdempotencyKey("k", "POST /v1/scenes")
 
@@ -124,26 +122,6 @@ def test_an_answer_is_kept_with_the_document_or_not_at_all(store: Store) -> None
         store.documents.get("scene", "b")
     with pytest.raises(ProblemError, match="still being worked on"):
         store.answers.begin(other, "hash")
-
-
-def test_threads_do_not_get_in_each_others_way(documents: DocumentStore) -> None:
-    conflicts: list[str] = []
-
-    def work(number_of_thread: int) -> None:
-        for number in range(20):
-            documents.replace("scene", f"{number_of_thread}_{number}", b"x")
-            documents.replace("scene", "replaced_by_all", b"x")
-            try:
-                documents.create("scene", f"shared_{number}", b"x")
-            except ProblemError as error:
-                conflicts.append(error.code)
-            documents.list("scene", "", 5)
-
-    with ThreadPoolExecutor(6) as pool:
-        list(pool.map(work, range(6)))
-    assert len(documents.list("scene", "", 1000)) == 6 * 20 + 20 + 1
-    assert documents.record("scene", "replaced_by_all").version == 6 * 20
-    assert conflicts == ["CONFLICT"] * 100
 
 
 def test_a_precondition_is_asked_in_the_transaction_that_stores(documents: DocumentStore) -> None:
@@ -425,26 +403,6 @@ def test_scenes_and_robots_have_names_of_their_own(store: Store) -> None:
     assert "panda" in (missing.value.hint or ""), "the hint lists the built-in ones"
     with pytest.raises(ProblemError):
         found(repository, "scene", "panda")
-
-
-STORE_KEY = IdempotencyKey("k", "POST /x")
-ANSWER = Recorded(201, {"location": "/y"}, b"{}")
-
-
-def test_everything_is_seen_at_once_and_survives_a_restart(url: str) -> None:
-    first, other = open_store(url), open_store(url)
-    kept = first.documents.create("robot", "a", b"content")
-    first.jobs.add(job_record(), REQUEST)
-    assert first.answers.begin(STORE_KEY, "hash") is None
-    first.answers.finish(STORE_KEY, ANSWER)
-    first.close()
-    for store in (other, open_store(url)):
-        found = store.documents.get("robot", "a")
-        assert (found.record, found.content) == (kept, b"content")
-        assert store.jobs.get(job_record().id) == (job_record(), None)
-        assert store.jobs.request(job_record().id) == REQUEST
-        assert store.answers.begin(STORE_KEY, "hash") == ANSWER
-        store.close()
 
 
 PAGE = (Path(__file__).parents[3] / "docs/how_to/back_up.md").read_text("utf-8")

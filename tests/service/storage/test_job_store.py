@@ -69,12 +69,6 @@ def test_a_job_comes_back_as_it_was_kept(jobs: JobStore) -> None:
     assert jobs.request(whole.id) == REQUEST
 
 
-def test_a_body_of_any_bytes_comes_back(jobs: JobStore) -> None:
-    request = replace(REQUEST, body=bytes(range(256)) * 10, content_type="application/zip")
-    jobs.add(record(), request)
-    assert jobs.request(record().id) == request
-
-
 @pytest.mark.parametrize("status", STATUSES)
 def test_the_request_is_forgotten_when_the_job_has_ended(jobs: JobStore, status: Status) -> None:
     job = add(jobs, 1, status, ended=5.0)
@@ -84,16 +78,6 @@ def test_the_request_is_forgotten_when_the_job_has_ended(jobs: JobStore, status:
         assert missing.value.code == "NOT_FOUND"
     else:
         assert jobs.request(job) == REQUEST
-
-
-def test_an_answer_comes_with_its_job(jobs: JobStore) -> None:
-    jobs.add(record(), REQUEST)
-    done = replace(record(), status="succeeded", progress=1.0, ended=9.0)
-    jobs.update(done, ANSWER)
-    assert jobs.get(done.id) == (done, ANSWER)
-    empty = replace(record(2), status="succeeded", ended=9.0)
-    jobs.add(empty, JobAnswer("", b""))
-    assert jobs.get(empty.id) == (empty, JobAnswer("", b""))
 
 
 @pytest.mark.parametrize("name", ["", "nobody", "'; DROP TABLE jobs; --", "x" * 1000])
@@ -126,12 +110,6 @@ def test_a_list_may_be_of_one_status(jobs: JobStore) -> None:
         found = [item.id for item in jobs.list(status, "", 10)]
         assert found == [record(index + 5).id, record(index).id]
     assert jobs.counts() == dict.fromkeys(STATUSES, 2)
-
-
-def test_counts_name_every_status(jobs: JobStore) -> None:
-    assert jobs.counts() == dict.fromkeys(STATUSES, 0)
-    add(jobs, 1, "failed", ended=1.0)
-    assert jobs.counts() == dict.fromkeys(STATUSES, 0) | {"failed": 1}
 
 
 # ------------------------------------------------------------------------------- forgetting
@@ -209,20 +187,6 @@ def test_an_answer_is_kept_with_the_job_or_not_at_all(store: Store) -> None:
         store.jobs.add(record(1), REQUEST, KeptAnswer(other, lambda _: answer))
     with pytest.raises(ProblemError, match="still being worked on"):
         store.answers.begin(other, "hash")
-
-
-def test_tenants_have_lists_of_their_own(store: Store) -> None:
-    store.jobs.add(record(1, tenant="one"), REQUEST)
-    store.jobs.add(record(2, tenant="other"), REQUEST)
-    assert [job.id for job in store.jobs.list(None, "", 10, "one")] == [record(1).id]
-    assert [job.id for job in store.jobs.list(None, "", 10)] == [record(2).id, record(1).id]
-
-
-def test_two_jobs_have_two_ids(jobs: JobStore) -> None:
-    jobs.add(record(), REQUEST)
-    with pytest.raises(IntegrityError):
-        jobs.add(record(stage="other"), REQUEST)
-    assert jobs.get(record().id) == (record(), None)
 
 
 # ---------------------------------------------------------------------------- other servers

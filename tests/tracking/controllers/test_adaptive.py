@@ -129,17 +129,6 @@ def test_motors_are_learned_where_there_are_any() -> None:
     assert "J2" in names
 
 
-def test_faults_are_named() -> None:
-    chain = planar_rr()
-    one = np.array(1.0)
-    with pytest.raises(InvalidOption, match="6 parameters are estimated"):
-        Adaptive(chain, one, one, np.ones(3))
-    with pytest.raises(InvalidOption, match="Gamma is not positive definite"):
-        Adaptive(chain, one, one, -np.eye(6))
-    with pytest.raises(InvalidOption, match="6 finite numbers"):
-        Adaptive(chain, one, one, one, np.ones(5))
-
-
 ARM = planar_rr()
 ONE = np.array(1.0)
 OPTIONS = SimulationOptions(

@@ -157,21 +157,6 @@ def test_a_sine_is_one_with_its_derivatives() -> None:
     assert still.pieces == 1
 
 
-def test_a_step_jumps_at_its_time() -> None:
-    motion = step(ARM, [0.1, 0.2], [0.5, -0.4], 0.5, 2.0)
-    np.testing.assert_array_equal(motion.sample([0.4, 0.6]), [[0.1, 0.2], [0.5, -0.4]])
-    np.testing.assert_allclose(motion.jumps(0), [[0.4, -0.6]])
-    at_once = step(ARM, [0.1, 0.2], [0.5, -0.4], 0.0, 2.0)
-    np.testing.assert_array_equal(at_once.start, [0.5, -0.4])
-
-
-def test_a_hold_stands_still() -> None:
-    motion = hold(ARM, [0.1, 0.2], 2.0)
-    assert motion.duration == 2.0
-    np.testing.assert_array_equal(motion.sample([0.0, 2.0]), [[0.1, 0.2]] * 2)
-    assert motion.peaks(1).value.max() == 0.0
-
-
 @pytest.mark.parametrize(
     ("name", "ends"), [("clamped_spline", "clamped"), ("natural_spline", "natural")]
 )

@@ -1,6 +1,5 @@
 """The closed loop: closed forms, the controllers called from Python, and stiff loops."""
 
-import time
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -55,19 +54,6 @@ def test_held_torque_is_the_exact_sampled_system() -> None:
         assert result.position[k, 0] == pytest.approx(x[0], abs=1e-9)
         assert result.velocity[k, 0] == pytest.approx(x[1], abs=1e-9)
         x = step @ x
-
-
-def test_held_torque_tends_to_the_continuous_one() -> None:
-    chain = planar_rr()
-    trajectory = smooth(chain, np.zeros(2), np.ones(2), 0.5)
-    controller = ComputedTorque(chain, np.array(100.0), np.array(20.0))
-    errors = [
-        simulate(controller, trajectory, replace(FREE, control_period=h)).max_tracking_error.max()
-        for h in (8e-3, 4e-3, 2e-3)
-    ]
-    # First order in the period.
-    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.3)
-    assert errors[1] / errors[2] == pytest.approx(2.0, abs=0.3)
 
 
 def test_torque_is_cut_off_at_the_effort_limit() -> None:
@@ -165,20 +151,6 @@ def test_samples_do_not_change_the_motion() -> None:
     )
 
 
-def test_settling_time_in_closed_form() -> None:
-    chain, w, tolerance = slider(1.0), 5.0, 1e-2
-    result = simulate(
-        ComputedTorque(chain, np.array(w**2), np.array(2 * w)),
-        constant(chain, np.zeros(1)),
-        replace(FREE, duration=3.0, sample_period=1e-3, settling_tolerance=tolerance),
-        initial_position=[1.0],
-    )
-    error = (1.0 + w * result.times) * np.exp(-w * result.times)
-    expected = result.times[np.flatnonzero(error > tolerance)[-1] + 1]
-    assert result.settled
-    assert result.settling_time == pytest.approx(expected, abs=1e-9)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class IntegralAction(AdaptiveController):
     """PD with an estimate of a constant force, adapted by the error."""
@@ -221,15 +193,6 @@ def test_an_estimate_is_integrated_with_the_robot(period: float | None) -> None:
         np.testing.assert_allclose(result.position[:, 0], expected[:, 0], atol=1e-8)
 
 
-def test_results_are_read_only() -> None:
-    chain = slider()
-    controller = PdGravity(chain, np.array(1.0), np.array(1.0))
-    result = simulate(controller, constant(chain, np.zeros(1)), FREE)
-    assert result.estimate.shape == (101, 0)
-    for array in (result.times, result.position, result.torque, result.saturated):
-        assert not array.flags.writeable
-
-
 def test_faults_are_named() -> None:
     chain = slider()
     controller, still = PdGravity(chain, np.array(1.0), np.array(1.0)), constant(chain, np.ones(1))
@@ -251,9 +214,6 @@ def test_faults_are_named() -> None:
         simulate(controller, still, replace(FREE, sample_period=1e-9))
     with pytest.raises(MissingInertia):
         simulate(controller, still, FREE, robot=bare)
-
-
-PANDA = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
 
 
 def controllers(chain: Chain, q: Array, w: float = 15.0) -> dict[Kind, Controller]:
@@ -302,22 +262,6 @@ def test_equals_the_controllers_called_from_python(kind: Kind, period: float | N
     np.testing.assert_allclose(fast.lyapunov, slow.lyapunov, rtol=1e-4, atol=1e-6)
     np.testing.assert_allclose(fast.max_tracking_error, slow.max_tracking_error, atol=1e-4)
     assert fast.saturated.any() == slow.saturated.any()
-
-
-@pytest.mark.parametrize("kind", Kind)
-@pytest.mark.parametrize("period", [None, 1e-3])
-def test_five_seconds_of_a_panda_take_less_than_one(kind: Kind, period: float | None) -> None:
-    chain = builtin_chain("panda")
-    trajectory = smooth(chain, PANDA, PANDA + 0.8, 5.0)
-    controller = controllers(chain, PANDA)[kind]
-    options = SimulationOptions(control_period=period)
-    times = []
-    for _ in range(3):
-        start = time.process_time()
-        result = simulate(controller, trajectory, options, robot=scale_masses(chain, 1.2))
-        times.append(time.process_time() - start)
-    assert result.outcome is SimulationOutcome.COMPLETED
-    assert min(times) < 1.0
 
 
 def test_a_stiff_loop_goes_on_implicitly() -> None:
@@ -377,18 +321,6 @@ def test_a_stiff_arm_equals_scipys_implicit_method() -> None:
         mine = result.position[(result.times >= start) & (result.times <= end)]
         np.testing.assert_allclose(mine, solution.y[:2].T, atol=1e-6)
         x = solution.y[:, -1]
-
-
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
-def test_the_error_follows_the_tolerance(tolerance: float) -> None:
-    chain = planar_rr()
-    controller = PdGravity(chain, np.array(60.0), np.array(3.0))
-    trajectory = smooth(chain, np.zeros(2), np.ones(2))
-    exact = replace(FREE, relative_tolerance=1e-12, absolute_tolerance=1e-13)
-    rough = replace(FREE, relative_tolerance=tolerance, absolute_tolerance=tolerance)
-    reference = simulate(controller, trajectory, exact).position
-    off = np.abs(simulate(controller, trajectory, rough).position - reference).max()
-    assert off < 100.0 * tolerance
 
 
 def test_noise_is_seeded() -> None:

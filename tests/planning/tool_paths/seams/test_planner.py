@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kinematics.errors import InvalidGoal, InvalidOption
+from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.pose import from_axis_angle, transform
 from obstacles.scenes.scene import Scene
@@ -326,23 +326,6 @@ def test_a_proof_that_misses_is_tried_again_with_a_reserve(monkeypatch: pytest.M
     assert [planner.share for planner in reserved[0]] == [0.6]
     assert answer.certificate.tool_box is not None
     assert answer.certificate.tool_box.share < shares[0]
-
-
-def test_seams_that_make_no_sense_are_refused() -> None:
-    points = on_cylinder(4)
-    with pytest.raises(InvalidGoal, match=r"waypoints\[1\] is at the place of waypoints\[0\]"):
-        ask((points[0], points[0], points[1]))
-    with pytest.raises(InvalidOption, match="two waypoints"):
-        SeamOptions(points[:1], SPIN)
-    with pytest.raises(InvalidOption, match="spline"):
-        plan(
-            Problem(builtin("panda"), Scene(), HOME, (PoseGoal(points[-1].T_base_tip),)),
-            Options(
-                planner="cartesian",
-                cartesian=CartesianOptions(seam=SeamOptions(points, SPIN)),
-                timing=TimingOptions("spline"),
-            ),
-        )
 
 
 def test_deadlines_end_the_search() -> None:
