@@ -114,6 +114,7 @@ from planning.problem import PoseGoal as PoseGoal
 from planning.problem import Problem as Problem
 from planning.proof.certificate import Certificate as Certificate
 from planning.proof.certificate import certify as certify
+from planning.proof.certificate import with_path as with_path
 from planning.reach.base_placement import BasePlacement as BasePlacement
 from planning.reach.base_placement import place_base as place_base
 from planning.reach.evaluation import PoseGrid as PoseGrid

@@ -131,6 +131,8 @@ class Options:
             alike on every machine, and why it failed is not looked into; None for no such bound.
         stops: Stops that the motion is to have from every instant: it is slowed down until they are
             proved, or refused.
+        path_tolerance: How far any joint of the motion may be from the path that is found, at every
+            place [rad or m]; None for wherever it is free.
 
     Raises:
         InvalidOption: The timeout is not in (0, 600].
@@ -150,6 +152,7 @@ class Options:
     explored: Explored | None = field(default=None, repr=False, compare=False)
     max_edges: int | None = None
     stops: StopKinds = "none"
+    path_tolerance: float | None = None
 
     def __post_init__(self) -> None:
         if self.stops not in get_args(StopKinds):

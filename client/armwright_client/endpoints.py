@@ -487,12 +487,20 @@ class ServiceEndpoints:
         *,
         robot: str | None = None,
         rest: bool = False,
+        retime: RetimeTiming | None = None,
+        limits: LimitValues | None = None,
         timeout: float | None = None,
     ) -> Call[Fitted]:
-        """Few polynomials within a tolerance of a recorded motion, proved with a robot."""
+        """Few polynomials within a tolerance of a recorded motion, or its geometry timed anew."""
         samples = Samples.of(time=times, position=positions)
         body = FitRequest.of(
-            samples=samples, tolerance=tolerance, robot=robot, rest=rest, timeout=timeout
+            samples=samples,
+            tolerance=tolerance,
+            robot=robot,
+            rest=rest,
+            retime=retime,
+            limits=limits,
+            timeout=timeout,
         )
         return Call("POST", path("paths", "fit"), Fitted.read, body, deadline=timeout)
 

@@ -175,6 +175,8 @@ from armwright_wire.motions.export import KeptMotion as KeptMotion
 from armwright_wire.motions.retime import FitRequest as FitRequest
 from armwright_wire.motions.retime import LimitsAt as LimitsAt
 from armwright_wire.motions.retime import PathBody as PathBody
+from armwright_wire.motions.retime import PathToKeep as PathToKeep
+from armwright_wire.motions.retime import PathTolerance as PathTolerance
 from armwright_wire.motions.retime import RetimePath as RetimePath
 from armwright_wire.motions.retime import RetimeRequest as RetimeRequest
 from armwright_wire.motions.retime import RetimeTiming as RetimeTiming
@@ -399,6 +401,7 @@ Leg = _tour.LegAnswer
 LimitValues = _trajectory.LimitsBody
 Lyapunov = _lyapunov.LyapunovAnswer
 PathDeviation = _certificate.PathDeviationAnswer
+PathNearness = _certificate.PathNearnessAnswer
 Plan = _plan.PlanAnswer
 PoseMotion = _pose.Motion
 Progress = _plan.ProgressAnswer

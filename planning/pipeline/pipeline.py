@@ -4,6 +4,7 @@ Planners give attempts: waypoints, or joint paths that lead the tool. Whatever t
 shortened, timed and proved here, and here alone the answer is put together.
 """
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -51,9 +52,12 @@ from planning.preflight.goals import pose_goals
 from planning.preflight.limits import moved_note, rates_onto_limits
 from planning.preflight.preflight import preflight, start_only
 from planning.problem import PoseGoal, Problem
-from planning.proof.certificate import Certificate, certify
+from planning.proof.certificate import Certificate, certify, with_path
 from planning.proof.limits.limit_uses import Violation
+from planning.proof.path_nearness import CHORD_SHARE
 from planning.result import Failure, Path, Plan, Stages
+from planning.retiming.retime import near_path
+from planning.retiming.retimed import PathToTime
 from planning.stops.certificate import StopCertificate
 from planning.timing.choice import chosen_parametrization
 from planning.timing.method import TimingMethod
@@ -92,6 +96,8 @@ def plan(
     """
     timeout = options.timeout
     deadline = Deadline.after(timeout) if within is None else within.at_most(timeout)
+    if options.path_tolerance is not None:
+        _check_path_tolerance(problem, options)
     if problem.moving and brakes_first(problem, options):
         limits = proved_limits(problem, options)
         return plan_braking(
@@ -151,6 +157,15 @@ def _measured_rates(
     return replace(problem, start_velocity=velocity, start_acceleration=acceleration), notes
 
 
+def _check_path_tolerance(problem: Problem, options: Options) -> None:
+    if options.planner in ("cartesian", OPTIMIZE) or options.refine or problem.moving:
+        raise InvalidOption(
+            "path.tolerance belongs to a path of joints from rest to rest that a planner finds; "
+            "cartesian leads the tool, optimize and refine leave the path",
+            hint="Leave path out, or what does not go with it.",
+        )
+
+
 def _time_parametrization(problem: Problem, options: Options) -> TimeParametrization:
     chain = problem.robot.chain
     return chosen_parametrization(
@@ -161,13 +176,15 @@ def _time_parametrization(problem: Problem, options: Options) -> TimeParametriza
 class _Timed(NamedTuple):
     """A motion in time, with notes about the timing; of a tool path also its parts.
 
-    ``solver`` is the name of the solver that found the speeds, where the method has several.
+    ``solver`` is the name of the solver that found the speeds, where the method has several, and
+    ``path`` has the waypoints that the motion is to be near, and the tolerance.
     """
 
     trajectory: Trajectory
     tool_path: TimedToolPath | None = None
     notes: tuple[str, ...] = ()
     solver: Solver | None = None
+    path: tuple[Array, float] | None = None
 
 
 class _Proved(NamedTuple):
@@ -333,6 +350,8 @@ class _Pipeline:
     def _candidates(self, found: FoundPath) -> Iterator[Callable[[], _Timed]]:
         """Ways to time the path, the fastest motion first."""
         tool_path, timing = found.attempt.tool_path, self.options.timing
+        within, keep_path = self.options.path_tolerance, found.attempt.keep_path
+        rounded = timing
         if tool_path is not None:
             if timing.duration is not None:
                 raise InvalidOption(
@@ -341,17 +360,25 @@ class _Pipeline:
                 )
             yield from self._tool_candidates(found, tool_path)
             return
-        for motion in motions(
+        near: Iterator[Callable[[], ScaledTime]] = iter(())
+        if within is not None:
+            chain = self.problem.robot.chain
+            path = PathToTime(chain.joint_names, found.waypoints, None, within)
+            near = near_path(path, timing, self.parametrization, chain)
+            rounded, keep_path = replace(timing, blend_tolerance=(1.0 - CHORD_SHARE) * within), True
+        on_path = motions(
             found.levels[-1],
             found.waypoints,
             self.parametrization,
-            timing,
+            rounded,
             self.deadline,
             found.levels[:-1],
-            keep_path=found.attempt.keep_path,
+            keep_path=keep_path,
             holds=found.checker.holds if isinstance(found.checker, ConstrainedChecker) else None,
-        ):
-            yield partial(_time_polyline, motion, self.parametrization.method, timing)
+        )
+        to_keep = None if within is None else (found.waypoints, within)
+        for motion in itertools.chain(near, on_path):
+            yield partial(_time_polyline, motion, self.parametrization.method, timing, to_keep)
 
     def _tool_candidates(
         self, found: FoundPath, tool_path: ToolPath
@@ -395,7 +422,7 @@ class _Pipeline:
         limits = parametrization.motion_limits
         if tool_path is not None:
             limits = tool_path.limits(parametrization)
-        return certify(
+        certificate = certify(
             timed.trajectory,
             problem.robot,
             problem.scene,
@@ -405,6 +432,7 @@ class _Pipeline:
             tool_motions=None if tool_path is None else tool_path.tool_motions,
             deadline=self.deadline,
         )
+        return with_path(certificate, timed.trajectory, *timed.path) if timed.path else certificate
 
     def _with_stops(self, proved: _Proved) -> _Proved | Failure:
         """Prove the stops of a motion, which is slowed down where they need it."""
@@ -497,10 +525,14 @@ def _is_too_deep(failure: Failure) -> bool:
 
 
 def _time_polyline(
-    motion: Callable[[], ScaledTime], method: TimingMethod, timing: TimingOptions
+    motion: Callable[[], ScaledTime],
+    method: TimingMethod,
+    timing: TimingOptions,
+    path: tuple[Array, float] | None,
 ) -> _Timed:
     scaled = with_duration(motion(), timing.duration, timing.at_least)
-    return _Timed(scaled.trajectory, notes=method.notes((scaled,)), solver=scaled.solver)
+    notes = method.notes((scaled,))
+    return _Timed(scaled.trajectory, notes=notes, solver=scaled.solver, path=path)
 
 
 def _proof_failure(violation: Violation, deadline: Deadline, *, tool: bool) -> Failure:

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 from functools import reduce
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption, InvalidTrajectory
@@ -37,6 +38,7 @@ from planning.proof.constraints.constraint_limits import constrained_efforts, co
 from planning.proof.constraints.constraints import ConstraintReport, check_motion
 from planning.proof.limits.limit_uses import Violation
 from planning.proof.limits.limits import QUANTITIES, LimitReport, check_continuity, check_limits
+from planning.proof.path_nearness import PathNearness, path_nearness
 from planning.proof.premises import Premises
 from planning.proof.tool.tool_box import BoxUse, check_tool_boxes
 from planning.proof.tool.tool_deviation import PathDeviation, check_tool_motions
@@ -114,6 +116,7 @@ class Certificate:
     tool_speed: SpeedUse | None = None
     premises: Premises = field(default_factory=Premises)
     allowed_collisions: tuple[Overlap, ...] = ()
+    path: PathNearness | None = None
 
     def __repr__(self) -> str:
         verdict = "proved" if self.verified else "not proved"
@@ -273,6 +276,23 @@ def certify_limits(
         violation=first,
         proved=Proved(not wrong + told, False, _reasons(wrong + told, (NOTHING_KNOWN,))),
         premises=Premises.of_limits(chain),
+    )
+
+
+def with_path(
+    certificate: Certificate, motion: Trajectory, waypoints: ArrayLike, tolerance: float
+) -> Certificate:
+    """The certificate of a motion that is to keep near a path too: see ``path_nearness``."""
+    near, wrong = path_nearness(motion, waypoints, tolerance)
+    if wrong is None:
+        return replace(certificate, path=near)
+    proved, first = certificate.proved, certificate.violation
+    return replace(
+        certificate,
+        path=near,
+        verified=False,
+        violation=wrong if first is None or wrong.time < first.time else first,
+        proved=replace(proved, limits=False, reasons=(wrong.message, *proved.reasons)),
     )
 
 

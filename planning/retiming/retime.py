@@ -3,7 +3,8 @@
 Motions near a path: along straight lines between few waypoints, or along a smooth curve.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from typing import NamedTuple
@@ -15,8 +16,9 @@ from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain, Limits
 from kinematics.trajectory.trajectory import REST, Trajectory, stay
-from planning.proof.certificate import Certificate, certify_limits
+from planning.proof.certificate import Certificate, certify_limits, with_path
 from planning.proof.limits.limit_uses import Violation
+from planning.proof.path_nearness import CHORD_SHARE
 from planning.retiming.limits_at import (
     TimedInStretches,
     around_corners,
@@ -61,9 +63,18 @@ class Attempt(NamedTuple):
 
 
 def first_verified(
-    attempts: Sequence[Attempt], chain: Chain | None, wanted: MotionLimits
+    attempts: Sequence[Attempt],
+    chain: Chain | None,
+    wanted: MotionLimits,
+    near: PathToTime | None = None,
 ) -> tuple[ScaledTime, Certificate, tuple[str, ...]]:
     """The first motion that is proved, else the last one, its certificate, and notes on it.
+
+    Args:
+        attempts: The attempts.
+        chain: The robot; None where there is none.
+        wanted: Limits in place of its own.
+        near: Path with a tolerance that the motion is to keep, where there is one.
 
     Raises:
         TimingFailed: The last attempt finds none.
@@ -76,6 +87,8 @@ def first_verified(
                 raise
             continue
         certificate = certify_limits(timed.trajectory, chain, timed.held_to(wanted))
+        if near is not None and near.tolerance is not None:
+            certificate = with_path(certificate, timed.trajectory, near.points, near.tolerance)
         if certificate.verified:
             break
     return timed, certificate, attempt.notes
@@ -103,7 +116,7 @@ class NearPath:
     def __post_init__(self) -> None:
         self.line = simplified_polyline(
             self.points,
-            self.path.tolerance or self.timing.blend_tolerance or 0.0,
+            self._within or self.timing.blend_tolerance or 0.0,
             self.parametrization.smooth,
             moving=self._moving,
             norm=self._norm,
@@ -112,6 +125,12 @@ class NearPath:
     @property
     def _moving(self) -> bool:
         return self.timing.start_velocity is not None or self.timing.end_velocity is not None
+
+    @property
+    def _within(self) -> float | None:
+        """The path's tolerance but for what the proof needs of it."""
+        given = self.path.tolerance
+        return None if given is None else (1.0 - 2.0 * CHORD_SHARE) * given
 
     @property
     def _norm(self) -> float:
@@ -148,6 +167,14 @@ class NearPath:
         path, note = curve
         return [Attempt(partial(self._faster_on, path, fastest), (note,)), *attempts]
 
+    def fastest(self) -> ScaledTime:
+        """The fastest motion that is found."""
+        *others, last = self.attempts()
+        for attempt in others:
+            with suppress(TimingFailed):
+                return attempt.motion()
+        return last.motion()
+
     def _on_line(self, by: TimeParametrization) -> ScaledTime:
         """The motion along straight lines with rounded corners."""
         corners, reaches = self.line.corners, self.line.reaches
@@ -178,7 +205,7 @@ class NearPath:
 
     def _curve(self) -> tuple[JointPath, str] | None:
         """A smooth curve near the path and a note on it; None where lines are to be straight."""
-        within = self.path.tolerance
+        within = self._within
         if within is None and self.line.left_out:
             within = self.timing.blend_tolerance or self.line.rounding
         if not within or self._moving or self.path.limits_at or len(self.line.corners) < 3:
@@ -188,6 +215,30 @@ class NearPath:
             return None
         note = f"A smooth curve stands for the path, at most {found[1]:.3g} from it"
         return found[0], f"{note}{_why(self.line)}"
+
+
+def near_path(
+    path: PathToTime, timing: TimingOptions, parametrization: TimeParametrization, chain: Chain
+) -> Iterator[Callable[[], ScaledTime]]:
+    """Motions within the tolerance of a path, to be tried in turn until one is proved free.
+
+    Args:
+        path: The path, with a tolerance.
+        timing: Options of the timing.
+        parametrization: Method and limits.
+        chain: The robot.
+
+    Raises:
+        InvalidOption: The tolerance is none, or does not go with the timing.
+    """
+    _interpolation(path, timing)
+    assert path.tolerance is not None
+    if len(merge(path.points)) < 3:
+        return
+    # Shares of the tolerance: a motion that collides mostly does so for its deviation.
+    for share in (1.0, 1.0 / 4.0, 1.0 / 16.0):
+        nearer = replace(path, tolerance=share * path.tolerance)
+        yield NearPath(nearer, path.points, timing, parametrization, chain).fastest
 
 
 def _why(line: Polyline) -> str:
@@ -284,7 +335,7 @@ def retime(
         attempts = [Attempt(lambda: _along(curve, path, numbers, parametrization, chain))]
         shape = Trajectory(names, curve.breaks, curve.coefficients)
     lasting = [attempt.lasting(timing) for attempt in attempts]
-    timed, certificate, told = first_verified(lasting, chain, parametrization.motion_limits)
+    timed, certificate, told = first_verified(lasting, chain, parametrization.motion_limits, path)
     notes += told + method.notes((timed,))
     if times is None:
         if not certificate.verified:

@@ -92,6 +92,8 @@ def certificate_answer(
     if deviation is not None:
         names = ("position", "orientation", "time", "max_position", "max_orientation")
         answer["path_deviation"] = _timed(deviation, begins, *names)
+    if certificate.path is not None:
+        answer["path"] = asdict(certificate.path)
     box, speed = certificate.tool_box, certificate.tool_speed
     if box is not None:
         answer["tool_tolerance"] = _timed(box, begins, "share", "time")

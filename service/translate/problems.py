@@ -155,6 +155,7 @@ def options(
         observer=observer,
         refine=_refine(body.refine),
         stops=body.stops,
+        path_tolerance=None if body.path is None else body.path.tolerance,
         goal_costs=goal_costs(body.goal_costs),
         clearance=_USUAL_CLEARANCE
         if body.clearance is None

@@ -333,3 +333,37 @@ def test_a_path_is_simplified_within_the_tools_tolerance(client: httpx.Client) -
         refused = client.post("/v1/paths/simplify", json=body | wrong)
         assert refused.status_code == 422
         assert said in refused.text
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_geometry_of_a_record_is_timed_anew(client: httpx.Client, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    u = np.linspace(0.0, 1.0, 200)[:, None]
+    record = np.array(HOME) + 0.4 * np.sin(u * rng.uniform(1.0, 4.0, 7)) * u
+    record += rng.normal(0.0, 1e-4, record.shape)
+    samples = {"time": (5.0 + 30.0 * u[:, 0]).tolist(), "position": record.tolist()}
+    body = {"samples": samples, "tolerance": 2e-3, "robot": "panda"}
+    kept = answer(client.post("/v1/paths/fit", json=body))
+    assert kept["timing"] is None
+    found = answer(client.post("/v1/paths/fit", json=body | {"retime": {}}))
+    assert found["status"] == "success"
+    assert found["certificate"]["verified"]
+    assert found["certificate"]["proved"]["collisions"]
+    assert found["certificate"]["path"]["deviation"] == found["deviation"] <= 2e-3
+    assert found["trajectory"]["segments"][0]["t0"] == 5.0
+    assert found["trajectory"]["duration"] < 0.2 * kept["trajectory"]["duration"]
+    # The same motion as retime has.
+    path = {"joints": record.tolist(), "tolerance": 2e-3}
+    timed = answer(client.post("/v1/retime", json={"robot": "panda", "path": path}))
+    assert timed["trajectory"]["duration"] == found["trajectory"]["duration"]
+    assert timed["certificate"]["path"] == found["certificate"]["path"]
+    slower = answer(client.post("/v1/paths/fit", json=body | {"retime": {"velocity_scaling": 0.1}}))
+    assert slower["trajectory"]["duration"] > found["trajectory"]["duration"]
+    bare = {key: body[key] for key in ("samples", "tolerance")} | {"retime": {}}
+    limits = {"velocity": [1.0] * 7, "acceleration": [2.0] * 7}
+    alone = answer(client.post("/v1/paths/fit", json=bare | {"limits": limits}))
+    assert alone["status"] == "success"
+    assert client.post("/v1/paths/fit", json=bare).json()["code"] == "MISSING_LIMIT"
+    odd = (body | {"limits": limits}, body | {"retime": {"times": samples["time"]}})
+    for refused in odd:
+        assert client.post("/v1/paths/fit", json=refused).status_code == 422

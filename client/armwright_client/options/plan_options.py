@@ -7,6 +7,7 @@ from armwright_wire.base import VectorLike
 from armwright_wire.goals.goal import Clearance, Constraints, GoalCosts, Start
 from armwright_wire.goals.tool_motion import TimedToolMotions
 from armwright_wire.motions.certificate import Premises, Stops
+from armwright_wire.motions.retime import PathToKeep, PathTolerance
 from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody
 from armwright_wire.plans.plan import PlannerName, Refine
@@ -107,6 +108,7 @@ class PlanOptions(PlanningOptions, total=False):
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
         start_state_tolerance: A start or goal so little outside a limit is moved onto it
             [rad or m]; if left out a start by 0.01 % of the limit, a goal by 1e-6.
+        path: Tolerance within which the motion keeps near the path that is found.
         stops: Stops that the motion is proved to have from every instant; it is slowed down for it.
         witness: Whether the certificate has a witness, from which anybody can check it.
     """
@@ -119,6 +121,7 @@ class PlanOptions(PlanningOptions, total=False):
     clearance: Clearance
     collisions: Literal["check", "ignore"]
     start_state_tolerance: float
+    path: PathTolerance
     stops: Stops
     witness: bool
 
@@ -133,6 +136,7 @@ class ValidateOptions(SceneOptions, total=False):
         margin: Distance to be kept [m].
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
         tool_motions: Lines and arcs that the tool has to keep to.
+        path: Waypoints that the joints have to be near, and the tolerance.
         torque_limits: Whether the robot's effort limits hold too.
         payload: Payload that the tip carries, for torques.
         tool_speed: Largest speed of the tip [m/s].
@@ -147,6 +151,7 @@ class ValidateOptions(SceneOptions, total=False):
     margin: float
     collisions: Literal["check", "ignore"]
     tool_motions: TimedToolMotions
+    path: PathToKeep
     torque_limits: bool
     payload: Payload
     tool_speed: float

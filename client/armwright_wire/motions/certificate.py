@@ -58,6 +58,17 @@ class PathDeviationAnswer(Answer):
     """what was allowed [rad]"""
 
 
+class PathNearnessAnswer(Answer):
+    """Distance of a motion from a path of waypoints, proved for every instant."""
+
+    tolerance: float
+    """the path's [rad or m]"""
+    deviation: float | None
+    """bound of the distance of any joint from the straight lines through the waypoints, both run
+    through in the same order; null where it is not within the tolerance [rad or m]
+    """
+
+
 class LimitUse(Answer):
     """Use of a limit by a motion, from the exact extrema of its polynomials."""
 
@@ -199,6 +210,8 @@ class CertificateAnswer(Answer):
     """each with the bound of its residual over all t"""
     path_deviation: PathDeviationAnswer | None = None
     """of the tool from the motions of the planner cartesian"""
+    path: PathNearnessAnswer | None = None
+    """of the joints from the path, where path.tolerance was given"""
     tool_tolerance: ToolToleranceAnswer | None = None
     """use of the tolerances of the planner cartesian"""
     tool_speed: ToolSpeedAnswer | None = None

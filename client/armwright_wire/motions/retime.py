@@ -61,6 +61,24 @@ class PathBody(Body):
     """where no robot is named"""
 
 
+class PathTolerance(Body):
+    """Tolerance of the path that is found."""
+
+    tolerance: Positive = Field(examples=[0.001])
+    """how far the motion may be from the straight lines of the path, in any joint at every place:
+    few of its waypoints, or a smooth curve, stand for all [rad or m]
+    """
+
+
+class PathToKeep(PathBody):
+    """Waypoints in joint space that a motion is to be near."""
+
+    tolerance: Positive = Field(examples=[0.001])
+    """how far the motion may be from the straight lines through the waypoints, in any joint at
+    every place, both run through in the same order [rad or m]
+    """
+
+
 class RetimePath(PathBody):
     """Waypoints in joint space, and what is to lead through them or near them."""
 
@@ -352,22 +370,38 @@ class FitRequest(WithTool):
     """name of a stored or built-in robot, against which the answer is proved"""
     rest: bool = False
     """begin and end without velocity"""
+    retime: RetimeTiming | None = Field(None, examples=[{}, {"velocity_scaling": 0.5}])
+    """keep the record's geometry and time it anew by these options, from rest to rest, as retime
+    does; left out, its times are kept
+    """
+    limits: LimitsBody | None = None
+    """for retime, where no robot is named or in place of its own"""
     timeout: Timeout | None = None
 
     @model_validator(mode="after")
-    def _check_robot(self) -> "FitRequest":
+    def _check_form(self) -> "FitRequest":
+        if self.retime is None and self.limits is not None:
+            raise ValueError("limits belong to retime: times that are kept are proved as they are")
+        if self.retime is not None and self.retime.times is not None:
+            raise ValueError("retime.times: leave retime out to keep the times of the samples")
         if self.robot is None and (self.tool, self.tcp) != (None, None):
             raise ValueError("a tool needs a robot: name one, or leave the tool out")
         return self
 
 
 class FitAnswer(Answer):
-    """Cubics with continuous accelerations that stand for a recorded motion."""
+    """Polynomials that stand for a recorded motion: its own times, or timed anew."""
 
     status: Literal["success", "unverified"]
     """success; unverified where a robot is named and the motion is not proved"""
     trajectory: TrajectoryAnswer
     deviation: float
-    """bound of the distance of any joint at every instant [rad or m]"""
+    """bound of the distance of any joint at every instant; timed anew, at every place, both run
+    through in the same order [rad or m]
+    """
     certificate: CertificateAnswer | None = None
-    """with a robot: of its limits, and of collisions with itself"""
+    """with a robot: of its limits, and of collisions with itself; without one of limits given"""
+    timing: TimingAnswer | None = None
+    """method and limits, where it is timed anew"""
+    notes: list[str] = Field(default_factory=list)
+    """what is special about the path then"""

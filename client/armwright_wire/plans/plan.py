@@ -35,6 +35,7 @@ from armwright_wire.goals.tool_motion import (
     cartesian_options,
 )
 from armwright_wire.motions.certificate import CertificateAnswer, Stops
+from armwright_wire.motions.retime import PathToKeep, PathTolerance
 from armwright_wire.motions.timing import Timing, TimingAnswer
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
 from armwright_wire.robots.payload import Payload
@@ -176,6 +177,10 @@ class PlanRequest(WithTool, WithFingers, Keepable):
     by 0.01 % of the limit, as measurements miss it, a goal by 1e-6
     """
     timing: Timing = Field(default_factory=Timing)
+    path: PathTolerance | None = None
+    """keep the motion near the path that is found, proved; for keep_path of a potential field that
+    is the descent's own
+    """
     limits: LimitsBody | None = None
     stops: Stops = "none"
     witness: Witness = False
@@ -216,6 +221,8 @@ class ValidateRequest(WithTool, WithFingers, Keepable):
     scene: SceneReference | None = Field(None, examples=["table"])
     frame: Frame | None = None
     trajectory: TrajectoryBody
+    path: PathToKeep | None = None
+    """waypoints that the motion has to be near"""
     limits: LimitsBody | None = None
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None

@@ -25,7 +25,7 @@ from planning.options import Options
 from planning.pipeline import pipeline
 from planning.pipeline.moving_start import Splice
 from planning.problem import Problem
-from planning.proof.certificate import certify
+from planning.proof.certificate import certify, with_path
 from planning.result import Descent, Failure, Plan
 from planning.stops.certificate import Surroundings, certify_stops
 from planning.values.limits import MotionLimits
@@ -191,7 +191,10 @@ def plan_witness(problem: Problem, options: Options, motion: Trajectory) -> Witn
         margin=problem.margin,
         limits=limits,
         constraints=problem.constraints,
-        untold={"tool_motions": max(len(options.cartesian.motions), 1) if cartesian else 0},
+        untold={
+            "tool_motions": max(len(options.cartesian.motions), 1) if cartesian else 0,
+            "path": int(options.path_tolerance is not None),
+        },
         deadline=current.deadline(),
     )
 
@@ -269,6 +272,9 @@ def validate(robot: Reference, scene: Reference | None, content: bytes) -> bytes
     violation = certificate.violation
     if violation is not None and violation.kind == "time":
         return timed_out("the work was done", "certificate")
+    if body.path is not None:
+        path = timings.joint_path(body.path, arm.chain)[1]
+        certificate = with_path(certificate, motion, path, body.path.tolerance)
     answer = certificates.certificate_answer(certificate, begins, body.scene)
     if body.stops != "none":
         around = Surroundings(arm, cell.scene, body.margin, limits)
@@ -284,7 +290,10 @@ def validate(robot: Reference, scene: Reference | None, content: bytes) -> bytes
             margin=body.margin,
             limits=limits,
             constraints=wanted,
-            untold={"tool_motions": len(body.tool_motions.motions) if body.tool_motions else 0},
+            untold={
+                "tool_motions": len(body.tool_motions.motions) if body.tool_motions else 0,
+                "path": int(body.path is not None),
+            },
             deadline=current.deadline(),
         )
         answer["witness"] = certificates.witness_answer(found)

@@ -1,20 +1,33 @@
 """Timing of given paths, and motions in other shapes, as requests ask for them, in workers."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.motions.retime import ConvertRequest, FitRequest, RetimeRequest, SimplifyRequest
+from armwright_wire.motions.retime import (
+    ConvertRequest,
+    FitRequest,
+    RetimePath,
+    RetimeRequest,
+    SimplifyRequest,
+)
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.export import csv_text, joint_trajectory
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.proof.certificate import Certificate, certify
 from planning.retiming.retime import retime as time_again
 from planning.retiming.retime import with_path_stops
 from planning.retiming.retimed import Retimed
 from planning.retiming.simplify import TipTolerance, fit_motion
 from planning.retiming.simplify import simplify as simplified
 from planning.retiming.state_motion import time_states
+from planning.values.limits import MotionLimits
 from service.endpoints.attached_objects import robot_in_scene
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
@@ -125,7 +138,7 @@ def simplify(
 
 @task(grace=GRACE)
 def fit(robot: Reference | None, content: bytes) -> bytes:
-    """Answer a request to fit a recorded motion.
+    """Answer a request to fit a recorded motion, or to time its geometry anew.
 
     Args:
         robot: The robot, if one is named.
@@ -135,23 +148,53 @@ def fit(robot: Reference | None, content: bytes) -> bytes:
         ArmwrightError: The request is at fault.
     """
     body = FitRequest.model_validate_json(content)
-    found = fit_motion(
-        body.samples.time,
-        np.array(timings.equal_rows(body.samples.position, "samples.position")),
-        body.tolerance,
-        None if robot is None else worker_cache.robot(robot).geometry,
-        joint_names=body.joint_names,
-        rest=body.rest,
-        deadline=current.deadline(),
-    )
-    proof, begins = found.certificate, body.samples.time[0]
+    rows = np.array(timings.equal_rows(body.samples.position, "samples.position"))
+    geometry = None if robot is None else worker_cache.robot(robot).geometry
+    timed: dict[str, Any] = {"timing": None, "notes": []}
+    if body.retime is None:
+        found = fit_motion(
+            body.samples.time,
+            rows,
+            body.tolerance,
+            geometry,
+            joint_names=body.joint_names,
+            rest=body.rest,
+            deadline=current.deadline(),
+        )
+        motion, deviation, proof = found.trajectory, found.deviation, found.certificate
+    else:
+        motion, proof, timed = _time_record(body, rows, geometry)
+        assert proof.path is not None
+        deviation = body.tolerance if proof.path.deviation is None else proof.path.deviation
+    begins = body.samples.time[0]
     answer = {
         "status": "success" if proof is None or proof.verified else "unverified",
-        "trajectory": trajectories.trajectory_answer(found.trajectory, None, begins),
-        "deviation": found.deviation,
+        "trajectory": trajectories.trajectory_answer(motion, None, begins),
+        "deviation": deviation,
         "certificate": proof and certificates.certificate_answer(proof, begins),
     }
-    return to_json(answer, inf_nan_mode="null")
+    return to_json(answer | timed, inf_nan_mode="null")
+
+
+def _time_record(
+    body: FitRequest, rows: Array, robot: RobotGeometry | None
+) -> tuple[Trajectory, Certificate, dict[str, Any]]:
+    """The motion along a record, timed anew, its proof, and how it was timed."""
+    assert body.retime is not None
+    chain = None if robot is None else robot.chain
+    path = timings.path_to_time(
+        RetimePath(joints=rows.tolist(), joint_names=body.joint_names, tolerance=body.tolerance),
+        chain,
+    )
+    limits = timings.given_limits(body.limits, path.joint_names)
+    timed = time_again(path, timings.timing_options(body.retime), limits, chain)
+    motion, proof = timed.trajectory, timed.certificate
+    if robot is not None:
+        held = MotionLimits(limits if timed.timing is None else timed.timing.limits)
+        whole = certify(motion, robot, Scene(), limits=held, deadline=current.deadline())
+        proof = replace(whole, path=proof.path)
+    timing = timings.timing_answer(timed.timing, motion, body.samples.time[0])
+    return motion, proof, {"timing": timing, "notes": list(timed.notes)}
 
 
 @task
