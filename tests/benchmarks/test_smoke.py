@@ -16,7 +16,11 @@ from kinematics.robots import builtin_srdf, builtin_urdf
 
 ROOT = Path(__file__).parents[2]
 #: Scripts that only a peer's own interpreter can run, and the peer.
-OF_PEERS = {"benchmarks.peers.mplib_peer": "mplib", "benchmarks.peers.roboplan_peer": "roboplan"}
+OF_PEERS = {
+    "benchmarks.peers.mplib_peer": "mplib",
+    "benchmarks.peers.roboplan_peer": "roboplan",
+    "benchmarks.peers.sscbirrt_peer": "sscbirrt",
+}
 MODULES = [
     ".".join(path.relative_to(ROOT).with_suffix("").parts)
     for path in sorted((ROOT / "benchmarks").rglob("*.py"))
