@@ -128,22 +128,6 @@ def test_the_rate_of_d_minus_2c_is_skew_symmetric(service: httpx.Client, robot: 
     np.testing.assert_allclose(N + N.T, np.zeros((2, 2)), atol=1e-8)
 
 
-def test_built_in_robots_are_the_arms_of_the_notes(service: httpx.Client) -> None:
-    # Lengths and masses of docs/robots.md in the formulas of lecture 27.
-    q, qd = [0.4, 0.9], [0.5, -0.2]
-    body = {"joints": q, "velocities": qd}
-    found = ask(service, "robots/planar_rr/dynamics", body)
-    inertia = 1.0 / 12.0  # m l² / 12
-    d22, k = 0.25 + inertia, 0.5 * np.cos(0.9)
-    D = [[0.25 + 1.25 + 2 * k + 2 * inertia, d22 + k], [d22 + k, d22]]
-    np.testing.assert_allclose(found["mass_matrix"], D, atol=1e-9)
-    h = -0.5 * np.sin(0.9)
-    C = h * np.array([[qd[1], qd[0] + qd[1]], [-qd[0], 0.0]])
-    np.testing.assert_allclose(found["coriolis_matrix"], C, atol=1e-9)
-    g2 = 0.5 * G * np.cos(1.3)
-    np.testing.assert_allclose(found["gravity"], [1.5 * G * np.cos(0.4) + g2, g2], atol=1e-9)
-
-
 def test_the_regressor_of_the_cart(service: httpx.Client) -> None:
     q, qd, qdd = CART_STATE
     body = {"joints": q, "velocities": qd, "accelerations": qdd, "known_zeros": True}

@@ -4,26 +4,12 @@ import math
 from typing import Any
 
 import httpx
-import numpy as np
-import pytest
-
-from tests.course.example import ask
 
 
 def formulas(service: httpx.Client, robot: str, **query: str) -> Any:
     response = service.get(f"/v1/robots/{robot}/equations", params=query)
     assert response.status_code == 200, response.text
     return response.json()
-
-
-def values(answer: Any, texts: Any, state: dict[str, float]) -> Any:
-    """The values of plain text, which Python evaluates as it stands."""
-    names: dict[str, Any] = {"cos": math.cos, "sin": math.sin, "tanh": math.tanh} | state
-    names |= {item["symbol"]: item["value"] for item in answer["parameters"]}
-    for item in answer["abbreviations"]:
-        names[item["symbol"]] = eval(item["formula"], {}, names)
-    array = np.array(texts, dtype=object)
-    return np.array([eval(text, {}, names) for text in array.ravel()]).reshape(array.shape)
 
 
 def test_the_planar_arm_of_lecture_27(service: httpx.Client) -> None:
@@ -57,30 +43,6 @@ def test_the_pendulum_of_lectures_26_and_33(service: httpx.Client) -> None:
     ]
 
 
-@pytest.mark.parametrize("robot", ["notes_rrr", "notes_planar", "cart_pendulum", "scara"])
-def test_formulas_have_the_values_of_the_other_endpoints(service: httpx.Client, robot: str) -> None:
-    answer = formulas(service, robot, format="text")
-    n = len(answer["joints"])
-    q, qd = np.random.default_rng(7).uniform(-1.0, 1.0, (2, n)).tolist()
-    state = {f"q_{i}": v for i, v in enumerate(q, 1)} | {f"qd_{i}": v for i, v in enumerate(qd, 1)}
-    fk = ask(service, f"robots/{robot}/fk", {"joints": q, "orientation": "rotation_matrix"})["pose"]
-    np.testing.assert_allclose(
-        values(answer, answer["pose"]["position"], state), fk["position"], atol=1e-12
-    )
-    np.testing.assert_allclose(
-        values(answer, answer["pose"]["rotation_matrix"], state), fk["rotation_matrix"], atol=1e-12
-    )
-    J = ask(service, f"robots/{robot}/jacobian", {"joints": q})["jacobian"]
-    np.testing.assert_allclose(values(answer, answer["jacobian"], state), J, atol=1e-12)
-    if answer["dynamics"] is None:
-        assert "no link has a mass" in answer["notes"][0]
-        return
-    numbers = ask(service, f"robots/{robot}/dynamics", {"joints": q, "velocities": qd})
-    for name in ("mass_matrix", "coriolis_matrix", "gravity"):
-        found = values(answer, answer["dynamics"][name], state)
-        np.testing.assert_allclose(found, numbers[name], atol=1e-11, err_msg=name)
-
-
 def test_the_table_is_the_one_that_was_given(service: httpx.Client) -> None:
     answer = formulas(service, "notes_two_link", format="text")
     assert answer["convention"] == "standard"
@@ -88,21 +50,6 @@ def test_the_table_is_the_one_that_was_given(service: httpx.Client) -> None:
         ["c_1", "-s_1", "0", "l_1 * c_1"], ["s_1", "c_1", "0", "l_1 * s_1"],
         ["0", "0", "1", "0"], ["0", "0", "0", "1"],
     ]  # fmt: skip
-
-
-def test_a_modified_table_stays_modified(service: httpx.Client) -> None:
-    row = {"type": "revolute", "alpha": 0.0, "d": 0.0, "theta": 0.0}
-    rows = [row | {"a": 0.0}, row | {"a": 0.4}]
-    dh = {"convention": "modified", "rows": rows, "tool": {"position": [0.3, 0.0, 0.0]}}
-    assert service.post("/v1/robots", json={"name": "modified", "dh": dh}).status_code == 201
-    answer = formulas(service, "modified", format="text")
-    assert answer["convention"] == "modified"
-    assert answer["pose"]["position"][0] == "a_2 * c_1 + t_14 * c_12"
-    # Up to another link the table is derived from the axes.
-    other = {"name": "modified_2", "dh": dh, "tip_link": "link_2"}
-    assert service.post("/v1/robots", json=other).status_code == 201
-    answer = formulas(service, "modified_2", format="text")
-    assert (answer["convention"], answer["pose"]["link"]) == ("standard", "link_2")
 
 
 def test_latex_is_the_form_by_default(service: httpx.Client) -> None:

@@ -149,20 +149,6 @@ def test_every_closed_loop_is_that_of_scipy(service: httpx.Client, kind: str) ->
     assert found["coulomb_friction"] == DRY.tolist()
 
 
-@pytest.mark.parametrize("kind", ["passivity", "adaptive"])
-def test_gains_that_do_not_commute_are_simulated_as_they_are(
-    service: httpx.Client, kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    gains = {"LAMBDA": np.array([2.0, 5.0]), "K": np.array([[6.0, 2.0], [2.0, 5.0]])}
-    for name, value in gains.items():
-        monkeypatch.setitem(globals(), name, value)
-    sent = {"Lambda": gains["LAMBDA"].tolist(), "K": gains["K"].tolist()}
-    found = simulate(service, kind, controller={"type": kind} | CONTROLLERS[kind] | sent)
-    exact = integrate(kind, np.array(found["time"]), leaders_of(found))
-    np.testing.assert_allclose(found["position"], exact[:, :2], rtol=0.0, atol=1e-10)
-    assert any("Lambda and K do not commute" in note for note in found["notes"])
-
-
 def test_voltages_are_cut_off_at_the_motors_limits(service: httpx.Client) -> None:
     limits = [5.0, 2.5]
     motors = [m | {"voltage_limit": v} for m, v in zip(MOTORS, limits, strict=True)]

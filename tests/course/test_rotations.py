@@ -12,9 +12,6 @@ from tests.course.robots import (
     ELBOW_A1,
     ELBOW_D1,
     ELBOW_D2,
-    RRR_A2,
-    RRR_A3,
-    RRR_D1,
     revolute,
 )
 
@@ -108,38 +105,7 @@ def test_the_table_is_answered_as_it_was_given(service: httpx.Client) -> None:
     assert [row["type"] for row in rows] == ["revolute", "revolute", "prismatic"]
 
 
-@pytest.mark.parametrize("name", ["notes_elbow", "notes_rrr", "notes_planar", "notes_cart"])
-def test_an_answered_table_makes_the_same_robot(service: httpx.Client, name: str) -> None:
-    table = service.get(f"/v1/robots/{name}").json()["dh"]
-    copy = {"name": f"{name}_copy", "dh": table}
-    stored = service.post("/v1/robots", json=copy)
-    assert stored.status_code == 201, stored.text
-    n = len(table["rows"])
-    joints = [0.4, -0.7, 0.3][:n]
-    body = {"joints": joints, "orientation": "rotation_matrix"}
-    poses = [ask(service, f"robots/{robot}/fk", body)["pose"] for robot in (name, copy["name"])]
-    np.testing.assert_allclose(pose_matrix(poses[1]), pose_matrix(poses[0]), atol=1e-12)
-    if "mass" in table["rows"][0] and table["rows"][0]["mass"]:
-        state = {"joints": joints, "velocities": [0.5] * n, "accelerations": [0.2] * n}
-        first, second = (ask(service, f"robots/{robot}/dynamics", state)["torques"]
-                         for robot in (name, copy["name"]))  # fmt: skip
-        np.testing.assert_allclose(second, first, atol=1e-12)
-
-
 T1, T2, T3, STROKE = 0.5, -0.8, 0.3, 0.45
-WEIGHT = 10.0
-
-
-RRR = [
-    dh_matrix(T1, RRR_D1, 0.0, pi / 2.0),
-    dh_matrix(T2, 0.0, RRR_A2, 0.0),
-    dh_matrix(T3, 0.0, RRR_A3, 0.0),
-]
-ELBOW = [
-    dh_matrix(T1, ELBOW_D1, ELBOW_A1, -pi / 2.0),
-    dh_matrix(T2, ELBOW_D2, 0.0, pi / 2.0),
-    dh_matrix(0.0, STROKE, 0.0, 0.0),
-]
 
 
 def test_the_helicopter_looks_forward(service: httpx.Client) -> None:
@@ -160,10 +126,6 @@ def test_angular_velocities_add_up(service: httpx.Client) -> None:
     z1 = [np.sin(T1), -np.cos(T1), 0.0]
     expected = rates[0] * np.array([0.0, 0.0, 1.0]) + (rates[1] + rates[2]) * np.array(z1)
     np.testing.assert_allclose(w, expected, atol=ROUNDING)
-
-
-REDUNDANT = [0.1, -0.6, 0.2, -2.0, 0.3, 1.7, 0.5]
-TWIST = [0.1, -0.05, 0.08, 0.2, -0.1, 0.15]
 
 
 def test_the_analytic_jacobian_is_the_rate_of_the_state(service: httpx.Client) -> None:

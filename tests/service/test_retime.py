@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial as power_basis
 from ruckig import InputParameter, Ruckig, Trajectory
-from scipy.interpolate import CubicSpline
 
 from tests.service.robots import HOME, answer, problem, solid
 
@@ -155,39 +154,6 @@ def test_two_states_are_joined_in_the_least_time(client: httpx.Client) -> None:
     for time, row in zip(samples["time"], samples["position"], strict=True):
         at, _, _ = motion.at_time(time)
         np.testing.assert_allclose(row, at, atol=1e-7)
-
-
-def test_times_from_any_number_need_no_limits(client: httpx.Client) -> None:
-    times, joints = [5.0, 5.5, 6.25, 7.0], [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0], [0.3, 1.4]]
-    timing = {"method": "spline", "times": times, "sample_period": 0.1}
-    found = answer(client.post("/v1/retime", json={"path": {"joints": joints}, "timing": timing}))
-    segments, samples = found["trajectory"]["segments"], found["trajectory"]["samples"]
-    assert [segments[0]["t0"], *(segment["t1"] for segment in segments)] == times
-    expected = CubicSpline(times, joints, bc_type="natural")
-    assert (samples["time"][0], samples["time"][-1]) == (5.0, 7.0)
-    np.testing.assert_allclose(samples["position"], expected(samples["time"]), atol=1e-12)
-    rates = expected(np.linspace(5.0, 7.0, 20_001), 1)
-    np.testing.assert_allclose(found["peaks"]["velocity"], np.abs(rates).max(axis=0), rtol=1e-6)
-    certificate = found["certificate"]
-    assert certificate["verified"] is False
-    assert certificate["violation"] is None
-    assert "no limits of velocity and acceleration" in " ".join(certificate["proved"]["reasons"])
-    known = {"path": {"joints": joints}, "timing": timing, "limits": {"velocity": [0.5, 9.0]}}
-    certificate = client.post("/v1/retime", json=known).json()["certificate"]
-    assert certificate["violation"]["time"] >= 5.0
-
-
-def test_a_natural_spline_takes_the_velocity_of_one_end(client: httpx.Client) -> None:
-    times, points = [1.1, 1.5, 2.0], np.array([[0.93], [0.82], [-0.18]])
-    timing = {"method": "spline", "times": times, "interpolation": "natural_spline"}
-    timing |= {"end_velocity": [-0.65]}
-    response = client.post(
-        "/v1/retime", json={"path": {"joints": points.tolist()}, "timing": timing}
-    )
-    found = response.json()
-    expected = CubicSpline(times, points, bc_type=((2, [0.0]), (1, [-0.65]))).c[::-1]
-    segments = [segment["coefficients"] for segment in found["trajectory"]["segments"]]
-    np.testing.assert_allclose(segments, np.moveaxis(expected, 0, 2), atol=1e-12)
 
 
 def test_a_path_is_told_by_its_fewest_waypoints(client: httpx.Client) -> None:

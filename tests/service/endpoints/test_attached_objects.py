@@ -5,11 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from armwright_wire.scenes.check import Attached, CheckRequest
 from armwright_wire.scenes.scene import Scene as SceneBody
-from dynamics.terms import gravity_vector
 from kinematics.forward import forward
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Sphere
@@ -133,27 +131,6 @@ def test_an_obstacle_may_be_taken_at_a_pose_or_with_another_shape() -> None:
     smaller = held(taken(shape={"type": "sphere", "radius": 0.01}))
     radii = [sphere_of(cell, "cup")[1] for cell in (at_pose, smaller)]
     assert radii == pytest.approx([0.03, 0.01])
-
-
-def test_an_object_with_a_mass_weighs_on_the_joints() -> None:
-    center, mass = np.array([0.01, 0.02, 0.03]), 2.0
-    pose = {"position": [0.0, 0.0, 0.12], "rpy": [0.3, 0.2, 0.1]}
-    part = PART | {"pose": pose, "mass": mass, "center_of_mass": center.tolist()}
-    loaded = held(part).robot.chain
-    more = gravity_vector(loaded, HOME) - gravity_vector(ROBOT.chain, HOME)
-    # The weight of a point mass, by the derivative of its potential energy.
-    in_hand = Rotation.from_euler("xyz", [0.3, 0.2, 0.1]).apply(center)
-    in_hand[2] += 0.12
-
-    def height(q: Any) -> float:
-        point = forward(ROBOT.chain, q, "panda_hand") @ [*in_hand, 1.0]
-        return float(-mass * ROBOT.chain.gravity @ point[:3])
-
-    step = 1e-6 * np.eye(7)
-    slopes = [(height(HOME + h) - height(HOME - h)) / 2e-6 for h in step]
-    assert np.abs(slopes).max() > 1.0
-    np.testing.assert_allclose(more, slopes, atol=1e-6)
-    assert held(PART).robot.chain is ROBOT.chain
 
 
 def test_the_scene_of_a_request_is_stored_inline_or_empty() -> None:

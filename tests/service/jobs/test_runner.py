@@ -70,14 +70,6 @@ def test_every_computing_endpoint_can_answer_later(client: httpx.Client) -> None
         assert field in job["result"]
 
 
-def test_what_is_not_json_is_told_as_text(client: httpx.Client) -> None:
-    segment = {"t0": 0, "t1": 1, "coefficients": [[0, 1]]}
-    motion = {"joint_names": ["a"], "segments": [segment]}
-    body = {"trajectory": motion, "sample_period": 0.5, "format": "csv"}
-    job = ended(client, submit(client, body, "/v1/convert"))
-    assert job["result"] == client.post("/v1/convert", json=body).text
-
-
 def test_what_is_wrong_with_a_request_is_told_at_once(client: httpx.Client) -> None:
     def refused(body: Any, status: int, code: str) -> dict[str, Any]:
         return problem(client.post("/v1/plan", json=body, headers=ASYNC), status, code)
@@ -299,31 +291,12 @@ def document(
     return parsed
 
 
-def answer_of(value: object, content_type: str = "application/json") -> JobAnswer:
-    return JobAnswer(content_type, json.dumps(value).encode())
-
-
 def test_times_are_told_in_utc() -> None:
     summary = job_summary(record(created=0.0, started=1.5, ended=3600.0), 60.0).model_dump()
     assert summary["created"] == "1970-01-01T00:00:00+00:00"
     assert summary["started"] == "1970-01-01T00:00:01.500000+00:00"
     assert summary["ended"] == "1970-01-01T01:00:00+00:00"
     assert summary["expires"] == "1970-01-01T01:01:00+00:00"
-
-
-def test_a_job_that_has_not_ended_does_not_expire() -> None:
-    assert job_summary(record(), 60.0).expires is None
-    assert job_summary(record(ended=10.0)).expires is None
-
-
-def test_a_result_is_there_once_the_job_has_succeeded() -> None:
-    result = {"a": [1, 2.5, None]}
-    assert document("succeeded", answer_of(result))["result"] == result
-    assert document("succeeded", answer_of(result))["error"] is None
-    for status in ("queued", "running", "cancelled"):
-        found = document(status, answer_of(result))
-        assert (found["result"], found["error"]) == (None, None)
-    assert document("succeeded", None)["result"] is None
 
 
 @pytest.mark.parametrize(

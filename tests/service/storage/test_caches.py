@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 
 from armwright_wire.scenes.scene import Scene as SentScene
 from kinematics.errors import InvalidLinkName
-from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from obstacles.scenes.placement import in_frame, place
 from obstacles.scenes.scene import Obstacle, Scene
@@ -107,15 +106,6 @@ def test_forgetting_removes_the_file_and_may_be_repeated(tmp_path: Path) -> None
 COUNT, BYTES = 4, 100
 
 
-def test_what_was_asked_for_last_stays() -> None:
-    cache = Recent(2)
-    for key in "ab":
-        cache.put(key, key.upper())
-    assert cache.get("a", lambda: "made anew") == "A"
-    cache.put("c", "C")
-    assert [key in cache for key in "abc"] == [True, False, True]
-
-
 @given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 150)), max_size=60))
 def test_bytes_and_numbers_are_bounded(puts: list[tuple[int, int]]) -> None:
     cache = Recent(COUNT, BYTES, int)
@@ -171,20 +161,6 @@ def test_nothing_stays_of_what_was_deleted(served: Served) -> None:
         for kind in ("robots", "scenes"):
             assert client.delete(f"/v1/{kind}/gone_{i}").status_code == 204
     assert size(folder) == before
-
-
-def test_meshes_go_with_their_reference_and_with_nothing_else(tmp_path: Path) -> None:
-    parts = prepared_files.decompositions(str(tmp_path))
-    parts.mkdir()
-    files = [parts / f"{name}.npz" for name in "abc"]
-    for file in files:
-        file.write_bytes(b"x")
-    reference = Reference("robot", "r", "hash", str(tmp_path))
-    prepared_files.prepared_file(reference).write_bytes(b"x")
-    prepared_files.note_meshes(reference, files[:2])
-    prepared_files.forget(reference)
-    assert [file for file in tmp_path.rglob("*") if file.is_file()] == [files[2]]
-    prepared_files.forget(reference)
 
 
 def test_files_that_another_needs_stay_until_it_goes_too(tmp_path: Path) -> None:
@@ -305,21 +281,6 @@ def test_a_scene_that_is_kept_is_kept_in_the_root_frame_too() -> None:
         assert worker_cache.placed_scene(rootless, frame, panda, None) == expected
 
 
-def test_what_is_at_the_tool_is_placed_for_each_request() -> None:
-    panda = builtin_chain("panda")
-    sphere = {"type": "sphere", "radius": 0.1}
-    poses_of = {"at": {"position": [0.1, 0.2, 0.3], "frame": "tool"}, "by": {"position": [1, 0, 0]}}
-    obstacles = [{"id": name, "shape": sphere, "pose": pose} for name, pose in poses_of.items()]
-    source = SentScene.model_validate({"obstacles": obstacles})
-    drawn = np.random.default_rng(3).uniform(-1.0, 1.0, (4, 7))
-    for q in drawn:
-        placed = worker_cache.placed_scene(source, None, panda, q)
-        expected = forward(panda, q) @ poses.scene(source).obstacles[0].T_world_obstacle
-        np.testing.assert_allclose(placed.obstacles[0].T_world_obstacle, expected, atol=1e-12)
-    with pytest.raises(InvalidLinkName, match="where the tool is"):
-        worker_cache.placed_scene(source, None, panda, None)
-
-
 def test_inline_obstacles_are_made_once() -> None:
     def body(height: float) -> SentScene:
         sphere = {"type": "sphere", "radius": 0.1}
@@ -339,8 +300,3 @@ def test_another_text_with_the_same_obstacles_is_the_same_scene() -> None:
     assert worker_cache.scene(SentScene(moveit=second)) is made
     placed = worker_cache.placed_scene(SentScene(moveit=first), None, panda, None)
     assert worker_cache.placed_scene(SentScene(moveit=second), None, panda, None) is placed
-
-
-def test_nothing_around_a_robot_is_always_the_same() -> None:
-    assert worker_cache.scene(None) is worker_cache.scene(None)
-    assert not worker_cache.scene(None).obstacles

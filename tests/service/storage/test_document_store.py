@@ -62,21 +62,6 @@ def test_documents_are_created_replaced_and_deleted(documents: DocumentStore) ->
         assert code_of(missing) == ("NOT_FOUND", 404)
 
 
-def test_tenants_do_not_see_each_other(store: Store) -> None:
-    one = DocumentStore(store.database, Actor("one"))
-    other = DocumentStore(store.database, Actor("other"))
-    one.create("scene", "a", b"of one")
-    with pytest.raises(ProblemError, match="no scene"):
-        other.get("scene", "a")
-    with pytest.raises(ProblemError, match="no scene"):
-        other.delete("scene", "a")
-    assert other.list("scene", "", 10) == []
-    other.create("scene", "a", b"of the other")
-    assert other.replace("scene", "a", b"replaced").version == 2
-    assert one.get("scene", "a").content == b"of one"
-    assert [record.name for record in one.list("scene", "", 10)] == ["a"]
-
-
 def test_lists_are_in_pages_by_name(documents: DocumentStore) -> None:
     names = [f"scene_{number:03d}" for number in range(25)]
     for name in reversed(names):
@@ -277,17 +262,6 @@ def test_the_bounds_are_of_each_tenant(store: Store) -> None:
     assert (ids(store.plans, "quiet"), ids(store.plans, "busy")) == ([1], [8, 7])
     store.plans.purge(9.0, replace(PLENTY, storage=1))
     assert (ids(store.plans, "quiet"), ids(store.plans, "busy")) == ([1], [8])
-
-
-def test_documents_are_bounded_together(store: Store) -> None:
-    for number in range(1, 5):
-        document = bytes([number]) * 100
-        digest = document_hash(document)
-        store.plans.add(record(number, robot_hash=digest), CONTENT, {digest: document})
-    store.plans.purge(9.0, replace(PLENTY, storage=250))
-    assert ids(store.plans) == [4, 3]
-    assert store.plans.document(document_hash(b"\x02" * 100), "default") is None
-    assert store.plans.document(document_hash(b"\x03" * 100), "default") == b"\x03" * 100
 
 
 KEY_STORE_KEY = ApiKey(

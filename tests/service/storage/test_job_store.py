@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from sqlalchemy import select, text
+from sqlalchemy import text
 from sqlalchemy.exc import IntegrityError
 
 from service.jobs.engine import engine_schema, require_engine
@@ -26,7 +26,7 @@ from service.storage.stores.job_store import (
     Status,
     batch_of,
 )
-from service.storage.stores.server_store import HEARTBEAT, LIFETIME, now
+from service.storage.stores.server_store import HEARTBEAT, LIFETIME
 from service.validation import ProblemError
 from tests.service.jobs.stored import REQUEST, record
 from tests.service.postgresql import PostgreSQL
@@ -167,14 +167,6 @@ def test_the_newest_answer_is_kept_however_large_it_is(jobs: JobStore) -> None:
     assert kept(jobs) == [record(2).id]
 
 
-def test_failures_without_an_answer_take_no_room(jobs: JobStore) -> None:
-    add(jobs, 1, "succeeded", ended=1.0, size=100)
-    for number in range(2, 6):
-        add(jobs, number, "cancelled", ended=float(number))
-    jobs.purge(0.0, MANY, 100)
-    assert len(kept(jobs)) == 5
-
-
 def test_an_answer_is_kept_with_the_job_or_not_at_all(store: Store) -> None:
     key = IdempotencyKey("k", "POST /v1/plan")
     answer = Recorded(202, {"location": "/v1/jobs/x"}, b"{}")
@@ -276,13 +268,6 @@ def test_a_job_is_claimed_by_one_living_agent(stores: tuple[Store, Store]) -> No
     assert other.jobs.update(ended, DONE)
     assert not one.queue.is_open(job())
     assert one.queue.claim(job()) is None
-
-
-def test_agents_add_up(stores: tuple[Store, Store]) -> None:
-    one, other = stores
-    assert one.servers.capacity() == 4
-    other.servers.remove(other.server)
-    assert one.servers.capacity() == 2
 
 
 def test_a_batch_that_was_cut_is_worked_on_as_chunks(stores: tuple[Store, Store]) -> None:
@@ -402,13 +387,6 @@ def age(store: Store, server: str, seconds: float) -> None:
         connection.execute(silent, {"seconds": seconds, "id": server})
 
 
-def test_the_clock_is_that_of_the_database(store: Store) -> None:
-    with store.database.reading() as connection:
-        assert connection.execute(select(now(store.database))).scalar_one() == pytest.approx(
-            time.time(), abs=2.0
-        )
-
-
 def test_a_silent_server_is_dead_and_learns_it(store: Store) -> None:
     store.servers.register("a")
     age(store, "a", LIFETIME - 2.0)
@@ -421,12 +399,6 @@ def test_a_silent_server_is_dead_and_learns_it(store: Store) -> None:
     assert not store.servers.beat("a")
     assert store.servers.beat("b")
     assert HEARTBEAT < LIFETIME / 3
-
-
-def test_a_server_that_ends_is_forgotten(store: Store) -> None:
-    store.servers.register("a")
-    store.servers.remove("a")
-    assert not store.servers.beat("a")
 
 
 def test_the_server_of_a_file_is_alone(url: str) -> None:

@@ -11,12 +11,11 @@ from pydantic import TypeAdapter
 from pydantic_core import to_json
 
 from armwright_wire.goals.goal import Constraints, ConstraintUse
-from armwright_wire.motions.retime import RetimePath, RetimeTiming
+from armwright_wire.motions.retime import RetimeTiming
 from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody
 from armwright_wire.plans.plan import ValidateRequest
 from armwright_wire.scenes.scene import Scene
-from dynamics.terms import gravity_vector
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidLinkName, InvalidOption, MissingLimit
 from kinematics.forward import forward
@@ -34,10 +33,7 @@ from service.translate.certificates import certificate_answer
 from service.translate.constraints import constraint_set, uses
 from service.translate.timings import (
     effort_loads,
-    given_limit,
-    given_limits,
     limits,
-    path_to_time,
     timing_options,
 )
 
@@ -56,11 +52,6 @@ def residuals(*bodies: dict[str, Any]) -> Any:
 
 def at(point: Any) -> list[float]:
     return [float(x) for x in point]
-
-
-def test_without_constraints_there_is_no_set() -> None:
-    assert constraint_set(None, CHAIN) is None
-    assert constraint_set([], CHAIN) is None
 
 
 def test_constraints_of_the_service_stand_behind_those_of_the_request() -> None:
@@ -141,12 +132,6 @@ def test_a_relative_pose_measures_position_and_turn() -> None:
             "orientation_tolerance": 0.1}  # fmt: skip
     off = np.abs(R.T @ [0.02, 0.0, 0.0]).max()
     np.testing.assert_allclose(np.max(residuals(body)), off - 0.01, atol=1e-7)
-
-
-def test_an_orientation_that_is_none_is_refused() -> None:
-    body = {"type": "orientation", "quaternion_xyzw": [0.0, 0.0, 0.0, 0.0], "axis_tolerances": 0.1}
-    with pytest.raises(InvalidGoal, match=r"constraints\[0\] \(orientation\)"):
-        residuals(body)
 
 
 def test_limits_of_motions_have_no_rows() -> None:
@@ -303,7 +288,6 @@ def test_a_violation_carries_plain_values() -> None:
 
 
 TIMINGS_CHAIN = builtin_chain("planar_rr")
-NAMES = TIMINGS_CHAIN.joint_names
 SEGMENT = {"t0": 0.0, "t1": 1.0, "coefficients": [[0.0], [0.0]]}
 
 
@@ -345,22 +329,6 @@ def test_what_is_given_reaches_planning() -> None:
 # ----------------------------------------------------------------------------------- limits
 
 
-def test_a_limit_is_a_positive_number_for_each_joint() -> None:
-    np.testing.assert_array_equal(given_limit([1.0, 2.0], "velocity", NAMES), [1.0, 2.0])
-    for wrong in ([], [1.0], [1.0, 2.0, 3.0], [1.0, 0.0], [1.0, -1.0], [float("nan"), 1.0]):
-        with pytest.raises(InvalidOption, match=r"limits\.jerk must be 2 positive numbers") as no:
-            given_limit(wrong, "jerk", NAMES)
-        assert no.value.hint == f"The order is: {', '.join(NAMES)}."
-
-
-def test_only_limits_that_are_given_are_taken() -> None:
-    assert given_limits(None, NAMES) == {}
-    assert given_limits(body(), NAMES) == {}
-    made = given_limits(body(jerk=[1.0, 2.0], effort=[3.0, 4.0]), NAMES)
-    assert set(made) == {"jerk", "effort"}
-    np.testing.assert_array_equal(made["effort"], [3.0, 4.0])
-
-
 def test_a_motion_is_held_to_the_request_first_and_then_to_the_robot() -> None:
     bounds = limits(None, TIMINGS_CHAIN)
     assert set(bounds) == {"velocity", "acceleration"}
@@ -373,22 +341,7 @@ def test_a_motion_is_held_to_the_request_first_and_then_to_the_robot() -> None:
     np.testing.assert_array_equal(bounds["jerk"], [3.0, 4.0])
 
 
-@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
-def test_a_limit_that_nobody_knows_is_missed_unless_it_is_given(quantity: str) -> None:
-    unknown = replace(TIMINGS_CHAIN.limits, **{quantity: np.array([1.0, np.nan])})
-    chain = replace(TIMINGS_CHAIN, limits=unknown)
-    with pytest.raises(MissingLimit, match=f"{quantity}.*{NAMES[1]}|{NAMES[1]}.*{quantity}"):
-        limits(None, chain)
-    bounds = limits(body(**{quantity: [1.0, 2.0]}), chain)
-    np.testing.assert_array_equal(bounds[quantity], [1.0, 2.0])
-
-
 # ------------------------------------------------------------------------------------ loads
-
-
-def test_torques_are_not_looked_at_unless_somebody_asks() -> None:
-    assert effort_loads(validate(), TIMINGS_CHAIN) is None
-    assert effort_loads(validate(torque_limits=False), TIMINGS_CHAIN) is None
 
 
 def test_torques_are_held_to_the_request_or_to_the_robot() -> None:
@@ -411,40 +364,4 @@ def test_torques_are_held_to_the_request_or_to_the_robot() -> None:
         effort_loads(validate(torque_limits=True), nobody)
 
 
-def test_a_tool_speed_alone_limits_no_torque() -> None:
-    made = effort_loads(validate(tool_speed=0.5), TIMINGS_CHAIN)
-    assert made is not None
-    assert made.effort is None
-    assert made.tool_speed == 0.5
-    assert made.chain is TIMINGS_CHAIN
-
-
-def test_a_payload_is_part_of_the_robot_whose_torques_are_limited() -> None:
-    load = {"mass": 3.0, "center_of_mass": [0.0, 0.0, 0.0]}
-    made = effort_loads(validate(payload=load, limits={"effort": [1.0, 2.0]}), TIMINGS_CHAIN)
-    assert made is not None
-    q, pull = np.array([0.3, 0.7]), -3.0 * TIMINGS_CHAIN.gravity
-    more = gravity_vector(made.chain, q) - gravity_vector(TIMINGS_CHAIN, q)
-    # A point mass at the tip: the derivative of -m g . p, by central differences.
-    step = 1e-6 * np.eye(2)
-    slopes = [
-        pull @ (forward(TIMINGS_CHAIN, q + h)[:3, 3] - forward(TIMINGS_CHAIN, q - h)[:3, 3]) / 2e-6
-        for h in step
-    ]
-    assert np.abs(slopes).max() > 1.0
-    np.testing.assert_allclose(more, slopes, rtol=1e-6, atol=1e-7)
-    assert effort_loads(validate(payload=load), TIMINGS_CHAIN) is not None
-
-
 # ------------------------------------------------------------------------------------ paths
-
-
-def path(**fields: Any) -> RetimePath:
-    return RetimePath.model_validate({"joints": [[0.0, 0.1], [1.0, 1.1]]} | fields)
-
-
-def test_a_path_takes_the_names_of_the_robot_or_its_own_or_numbers() -> None:
-    assert path_to_time(path(), TIMINGS_CHAIN).joint_names == NAMES
-    assert path_to_time(path(joint_names=list(NAMES)), TIMINGS_CHAIN).joint_names == NAMES
-    assert path_to_time(path(joint_names=["b", "a"]), None).joint_names == ("b", "a")
-    assert path_to_time(path(), None).joint_names == ("joint1", "joint2")
