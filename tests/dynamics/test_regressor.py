@@ -56,25 +56,6 @@ def test_reference_motion_has_the_christoffel_matrix(seed: int) -> None:
     assert relative_error(whole @ standard_parameters(chain), torque) < 1e-12
 
 
-def test_does_not_depend_on_the_parameters() -> None:
-    chain = random_chain(4, motors=True)
-    state = random_state(chain, 0)
-    other = scale_masses(chain, np.linspace(0.5, 2.0, chain.n))
-    np.testing.assert_array_equal(regressor(chain, *state), regressor(other, *state))
-    torque = inverse_dynamics(other, *state)
-    assert relative_error(regressor(chain, *state) @ standard_parameters(other), torque) < 1e-12
-
-
-def test_names_go_with_the_parameters() -> None:
-    chain = planar_rr()
-    named = dict(zip(parameter_names(chain), standard_parameters(chain), strict=True))
-    assert len(named) == 24
-    assert named["m1"] == 2.0
-    assert named["mx2"] == pytest.approx(1.5 * 0.2)
-    assert named["Izz1"] == pytest.approx(0.05 + 2.0 * 0.3**2)
-    assert named["J1"] == named["B2"] == 0.0
-
-
 # Without friction, as published for the arms that are: 36 of the Puma 560, 43 of the Panda. The
 # others are derived: of the first joint, fixed to the base with its axis along gravity, one
 # parameter counts; each further skew revolute joint brings 7; axes parallel to the one before
@@ -130,12 +111,6 @@ def test_gravity_and_motors_decide_what_can_be_told_apart() -> None:
     assert base_parameters(level).names == ("Izz1 + 0.49 m2", "Izz2", "mx2", "my2")
     # J1 can't be told from Izz1; J2, B1, B2 can.
     assert base_parameters(arm, motors=True).count == 6 + 3
-
-
-def test_other_robots_are_refused() -> None:
-    base = base_parameters(planar_rr())
-    with pytest.raises(InvalidOption, match="60 parameters, not 20"):
-        base.of(random_chain(3))
 
 
 def test_is_found_for_random_robots() -> None:
@@ -235,29 +210,6 @@ def test_robots_of_other_joints_are_refused() -> None:
     five = base_parameters(random_chain(2, 5), motors=True)
     with pytest.raises(InvalidOption, match="72 parameters, not 60"):
         five.of(random_chain(2, 6))
-
-
-def test_without_gravity_fewer_can_be_told_apart() -> None:
-    for seed in range(3):
-        chain = random_chain(seed, 3)
-        level = with_gravity(chain, [0.0, 0.0, 0.0])
-        W = observations(level, motors=False)
-        base = base_parameters(level)
-        assert base.count == np.linalg.matrix_rank(W, tol=1e-9 * np.linalg.norm(W))
-        assert base.count <= base_parameters(chain).count
-
-
-def test_the_choice_is_the_same_every_time_and_cannot_be_changed() -> None:
-    chain = random_chain(4, 3)
-    base = base_parameters(chain)
-    base_parameters.cache_clear()
-    again = base_parameters(replace(chain))
-    assert again is not base
-    np.testing.assert_array_equal(again.columns, base.columns)
-    np.testing.assert_array_equal(again.combination, base.combination)
-    for values in (base.columns, base.combination, base.values):
-        with pytest.raises(ValueError, match="read-only"):
-            values[0] = 0
 
 
 def test_a_regressor_of_a_batch_keeps_its_leading_dimensions() -> None:

@@ -8,7 +8,6 @@ import pytest
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.errors import InvalidRobotState
 from kinematics.model.chain import Chain, Limits, Link
 from kinematics.pose import transform
 from kinematics.robots import builtin_names
@@ -236,15 +235,6 @@ def test_clearance_is_the_least_over_all_pairs() -> None:
             assert collisions[0].depth == pytest.approx(-every.min(), abs=1e-12)
 
 
-@pytest.mark.parametrize("q", [[np.nan], [np.inf], [0.0, 0.0], []])
-def test_refuses_a_configuration(q: list[float]) -> None:
-    world = FclWorld(alone(Sphere(0.3)), Scene((Obstacle("a", Sphere(1.0)),)))
-    with pytest.raises(InvalidRobotState):
-        world.clearance(q)
-    with pytest.raises(InvalidRobotState):
-        world.collisions(q)
-
-
 def found(a: Piece, b: Piece) -> tuple[float, Array, Array]:
     rows, corners, tables, _ = PieceSet.of([a, b])
     axis = rows[0, CENTER : CENTER + 3] - rows[1, CENTER : CENTER + 3]
@@ -368,19 +358,3 @@ def test_it_is_the_mean_of_what_the_distances_lack() -> None:
     assert len(told) > 10
     assert max(told) > 0.05
     np.testing.assert_allclose(told, expected, atol=1e-6)
-
-
-@pytest.mark.parametrize("share", [0.5, 0.99])
-def test_more_than_asked_for_is_infinite(share: float) -> None:
-    model = Checker.of(builtin("planar_rr"), SCENE, PREFERRED).model.arrays
-    for a, b in pairwise(lines(20)):
-        lacks = shortfall_on(model, a, b, SPACING, np.inf)
-        if lacks > 0.0:
-            assert shortfall_on(model, a, b, SPACING, share * lacks) == np.inf
-            assert shortfall_on(model, a, b, SPACING, lacks / share) == lacks
-
-
-def test_a_spacious_motion_lacks_nothing() -> None:
-    model = Checker.of(builtin("planar_rr"), Scene(), PREFERRED).model.arrays
-    a, b = lines(1)
-    assert shortfall_on(model, a, b, SPACING, 0.0) == 0.0

@@ -7,7 +7,6 @@ import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.errors import InvalidGoal
 from kinematics.forward import forward
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
@@ -17,7 +16,6 @@ from planning.constrained.ik import goal_configurations, pose_constraint
 from planning.constrained.path_constraints import (
     Relaxation,
     apply_path_constraints,
-    check_widths,
     find_relaxation,
 )
 from planning.constrained.projected_rrt import (
@@ -32,8 +30,6 @@ from planning.constraints.kinds.constraint import (
     ConeConstraint,
     JointConstraint,
     OrientationConstraint,
-    PlaneRegion,
-    PositionConstraint,
 )
 from planning.constraints.row import Column
 from planning.options import Options
@@ -205,15 +201,6 @@ def applied(
     return ready, apply_path_constraints(problem, ready, 0)
 
 
-def test_without_hard_constraints_nothing_changes() -> None:
-    for constraints in (None, band(0.3, 0.1, weight=2.0)):
-        ready, answer = applied(constraints, (0.5, 0.0))
-        assert answer is ready
-    failure = Failure("CODE", "why", "hint", "start")
-    problem = Problem(slider(), Scene(), BEGIN, (JointGoal(BEGIN),), constraints=band(0.0, 0.1))
-    assert apply_path_constraints(problem, failure, 0) is failure
-
-
 def test_goals_that_violate_are_left_out_and_the_checker_knows_the_constraints() -> None:
     _, answer = applied(band(0.0, 0.1), (0.5, 0.3), (0.5, 0.05), (0.2, -0.4))
     assert isinstance(answer, Ready)
@@ -227,21 +214,6 @@ def test_goals_that_violate_are_left_out_and_the_checker_knows_the_constraints()
     # Of the goal's 5 cm to spare two millimetres are kept back.
     assert checker.free(BEGIN, np.array([0.5, 0.0979]))
     assert not checker.free(BEGIN, np.array([0.5, 0.0981]))
-
-
-def slab(half: float, weight: float | None = None) -> ConstraintSet:
-    """The ball stays within ``half`` of a plane."""
-    plane = PlaneRegion([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], half)
-    return ConstraintSet(SLIDER, (PositionConstraint(plane, weight=weight),))
-
-
-def test_widths() -> None:
-    check_widths(slab(1e-4))
-    check_widths(slab(1e-6, weight=1.0))
-    check_widths(band(0.0, 0.0))
-    with pytest.raises(InvalidGoal, match="tolerance") as caught:
-        check_widths(slab(5e-5))
-    assert caught.value.details["relaxation"] == pytest.approx(5e-5)
 
 
 START, GOAL = np.array([-0.5, 0.0]), np.array([0.5, 0.0])
@@ -282,12 +254,6 @@ def test_it_says_where_obstacles_are_not_to_blame() -> None:
     assert answer.constraints == (0,)
     assert answer.without_obstacles is False
     assert "Without the obstacles no way was found either." in answer.sentence
-
-
-def test_widening_by_nothing_is_not_told_as_a_number() -> None:
-    answer = Relaxation((1,), ("joint",), (0.0,), ("m",))
-    assert "widened by very little" in answer.sentence
-    assert "0 m" not in answer.sentence
 
 
 def test_where_no_constraint_helps_it_says_so() -> None:

@@ -97,13 +97,6 @@ def test_looking_at_a_target() -> None:
         assert (np.abs(T[:3, :3].T @ (got[:3, 3] - T[:3, 3])) <= 0.025 + 1e-6).all()
 
 
-def test_a_whole_pose_is_reached() -> None:
-    for q in draws(2, 10):
-        T = ORACLE.pose(q)
-        found = constrained_ik(ROBOT, ConstraintSet(CHAIN, (RelativePoseConstraint(T),)))
-        np.testing.assert_allclose(ORACLE.pose(found.solutions[0].joints), T, atol=3e-6)
-
-
 def by_slsqp(wanted: ConstraintSet, posture: Array, start: Array) -> tuple[float, Array]:
     def cost(q: Array) -> float:
         return float(0.5 * np.sum((q - posture) ** 2))
@@ -211,16 +204,6 @@ def test_requests_that_make_no_sense() -> None:
     for wrong in ({"objective": "speed"}, {"most": 0}):
         with pytest.raises(InvalidOption):
             IkOptions(**wrong)
-
-
-def test_a_search_that_time_ended_says_so() -> None:
-    nothing = ConstraintSet(CHAIN, ())
-    late = constrained_ik(ROBOT, nothing, None, IkOptions(deadline=Deadline.after(0.0), starts=50))
-    assert late.starts == 1
-    assert not late.deterministic
-    for patient in (None, Deadline.after(600.0)):
-        found = constrained_ik(ROBOT, nothing, None, IkOptions(deadline=patient, starts=3))
-        assert found.deterministic
 
 
 def test_a_slow_machine_finds_the_same_configurations(monkeypatch: pytest.MonkeyPatch) -> None:

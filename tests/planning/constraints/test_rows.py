@@ -9,7 +9,7 @@ from numpy.polynomial import polynomial as power_basis
 from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
-from kinematics.errors import ArmwrightError, InvalidLinkName
+from kinematics.errors import ArmwrightError
 from kinematics.forward import forward, frames_kernel
 from kinematics.model.chain import Chain
 from kinematics.pose import transform
@@ -198,27 +198,6 @@ def test_malformed_constraints_are_refused(make: Callable[[], Constraint], words
     with pytest.raises(ArmwrightError) as caught:
         ConstraintSet(PANDA, (make(),))
     assert words in f"{caught.value.message} {caught.value.hint}"
-
-
-def test_an_unknown_link_lists_those_there_are() -> None:
-    with pytest.raises(InvalidLinkName) as caught:
-        ConstraintSet(PANDA, (ConeConstraint([0, 0, 1], [0, 0, 1], 0.1, link="nose"),))
-    assert "panda_hand" in str(caught.value.hint)
-
-
-def test_a_motion_s_limits_are_known_and_have_no_rows() -> None:
-    limits = (ClearanceConstraint(0.02), ClearanceConstraint(0.01), ToolSpeedConstraint(0.5))
-    made = ConstraintSet(PANDA, (*limits, TorqueConstraint()))
-    assert made.rows == ()
-    assert (made.margin, made.tool_speed) == (0.02, 0.5)
-    assert made.torque == TorqueConstraint()
-    assert made.residuals(np.zeros(7)).shape == (0,)
-    assert made.residuals(np.zeros((3, 7))).shape == (3, 0)
-
-
-def test_free_axes_have_no_rows() -> None:
-    upright = OrientationConstraint(np.eye(3), [0.1, 0.1, 4.0])
-    assert len(ConstraintSet(PANDA, (upright,)).rows) == 2
 
 
 NAMES = ["panda", "stanford", "scara"]

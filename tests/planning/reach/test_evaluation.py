@@ -326,13 +326,6 @@ def test_a_planar_arm_reaches_with_the_rotation_that_it_has() -> None:
     assert not reach(robot, Scene(), tilted).is_reached.any()
 
 
-def test_threads_change_nothing() -> None:
-    robot, T = builtin("ur5e"), poses("ur5e", 500)
-    one, two = (reach(robot, SCENE, T, ReachOptions(threads=k)) for k in (1, 2))
-    for a, b in zip(one, two, strict=True):
-        assert np.array_equal(np.asarray(a), np.asarray(b), equal_nan=True)
-
-
 def test_a_deadline_cuts_the_answer_short() -> None:
     found = reach(builtin("ur5e"), SCENE, poses("ur5e", 50), deadline=Deadline.after(0.0))
     assert found.completed == 0
@@ -401,14 +394,6 @@ def test_a_base_that_reaches_nothing_has_no_figures() -> None:
     assert far.score[0] == 0.0
 
 
-def test_moving_everything_changes_nothing() -> None:
-    robot, T = builtin("ur5e"), transform(rotation_z(0.7), [0.4, -0.2, 0.1])
-    here = place_base(robot, WALL, TASKS, BASES[:1], OPTIONS)[0]
-    there = place_base(robot, moved(WALL, T), T @ TASKS, T @ BASES[:1], OPTIONS)[0]
-    assert there.reach.status.tolist() == here.reach.status.tolist()
-    assert there.worst == pytest.approx(here.worst, abs=1e-6, nan_ok=True)
-
-
 def test_candidates_after_the_deadline_are_left_out() -> None:
     assert not place_base(builtin("ur5e"), WALL, TASKS, BASES, deadline=Deadline.after(0.0))
 
@@ -456,10 +441,6 @@ def test_grids_without_sense_are_refused(size: list[float], spacing: float, mess
         PoseGrid(np.array(size, dtype=float), spacing, np.eye(4), ONE)
 
 
-def test_no_tolerance_is_the_pose_itself() -> None:
-    assert Tolerance().deviations() == pytest.approx(np.eye(4)[None])
-
-
 def test_deviations_are_translations_and_rotations_in_the_poses_frame() -> None:
     tolerance = Tolerance({"x": (-0.1, 0.1), "rx": (0.2, 0.2), "rz": (-0.3, 0.3)}, samples=3)
     T = tolerance.deviations()
@@ -473,12 +454,6 @@ def test_deviations_are_translations_and_rotations_in_the_poses_frame() -> None:
         assert any(np.allclose(D[:3, :3], R) and np.allclose(D[:3, 3], [x, 0, 0]) for D in T)
     # The least deviation is tried first.
     assert T[0, :3, 3] == pytest.approx([0.0, 0.0, 0.0])
-
-
-def test_a_free_axis_has_each_angle_once() -> None:
-    T = Tolerance.free("rz", samples=8).deviations()
-    angles = Rotation.from_matrix(T[:, :3, :3]).as_rotvec()[:, 2]
-    assert np.sort(np.remainder(angles, 2 * np.pi)) == pytest.approx(np.arange(8) * np.pi / 4)
 
 
 @pytest.mark.parametrize(

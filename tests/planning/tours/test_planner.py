@@ -147,22 +147,6 @@ def test_any_start_and_a_given_end(problem: TourProblem) -> None:
     assert answer.trajectory.duration == pytest.approx(answer.time)
 
 
-def test_goals_out_of_reach_are_named(problem: TourProblem) -> None:
-    goals = list(problem.goals[:6])
-    goals[1] = replace(goals[1], alternatives=(pose(3.0, 0.0, 0.3),))
-    goals[4] = replace(goals[4], alternatives=(pose(0.5, 0.0, 0.2), pose(0.5, 0.0, 0.3)))
-    blocked = replace(problem, goals=tuple(goals), precedence=(("spot_4", "spot_5"),))
-    failure = plan_tour(blocked, TourOptions())
-    assert isinstance(failure, Failure)
-    assert "2 of 6 goals" in failure.message
-    named = {one["index"]: one["code"] for one in failure.details["unvisited"]}
-    assert named == {1: "NO_IK_SOLUTION", 4: "GOAL_IN_COLLISION"}
-    partial = planned(blocked, allow_partial=True, rounds=0)
-    assert sorted(partial.order) == [0, 2, 3]
-    codes = {one.index: one.code for one in partial.unvisited}
-    assert codes == {1: "NO_IK_SOLUTION", 4: "GOAL_IN_COLLISION", 5: "PREDECESSOR_LEFT_OUT"}
-
-
 def test_a_goal_without_a_way_to_it_is_left_out(problem: TourProblem) -> None:
     """Shoulder and elbow move so little that the arm can't go round a wall in front of it."""
     chain = problem.robot.chain
@@ -187,23 +171,6 @@ def test_a_goal_without_a_way_to_it_is_left_out(problem: TourProblem) -> None:
     failure = plan_tour(shut, replace(options, allow_partial=False))
     assert isinstance(failure, Failure)
     assert "goals[3]" in failure.message
-
-
-def test_the_deadline_is_kept(problem: TourProblem) -> None:
-    failure = plan_tour(problem, TourOptions(Options(timeout=1e-4)))
-    assert isinstance(failure, Failure)
-    assert failure.code == "TIMED_OUT"
-
-
-def test_a_start_in_collision_is_told(problem: TourProblem) -> None:
-    ball = aw.Obstacle("ball", aw.Sphere(0.2), aw.pose([0.0, 0.0, 0.8]))
-    failure = plan_tour(replace(problem, scene=aw.Scene([ball])))
-    assert isinstance(failure, Failure)
-    assert failure.code == "START_STATE_IN_COLLISION"
-    high = np.array(problem.robot.chain.limits.upper + 1.0)
-    failure = plan_tour(replace(problem, end=high))
-    assert isinstance(failure, Failure)
-    assert (failure.code, failure.stage) == ("GOAL_STATE_INVALID", "end")
 
 
 def test_goals_of_configurations_are_taken_as_they_are(problem: TourProblem) -> None:

@@ -123,45 +123,6 @@ def test_a_link_and_an_obstacle_of_one_name_are_two() -> None:
     assert Checker.of(robot, Scene(scene.obstacles, {("tool", "tool")})).valid(np.zeros(3))
 
 
-def test_margins_add_up() -> None:
-    robot = gantry(BALL)
-    scene = Scene((obstacle("ball", Sphere(0.1), [1.0, 0.0, 0.0], margin=0.05),
-                   Obstacle("floor", HalfSpace(UP, -1.0), margin=0.25)))  # fmt: skip
-    model = CollisionModel(robot, scene, 0.02)
-    assert Checker(model).clearance(np.zeros(3))[0] == pytest.approx(0.9 - 0.25 - 0.02)
-    assert Checker(model, 0.1).clearance(np.zeros(3))[0] == pytest.approx(0.53)
-    # At x = 0.2 the ball is nearer than the floor.
-    clearance, pair = Checker(model).clearance(np.array([0.2, 0.0, 0.0]))
-    assert clearance == pytest.approx(0.6 - 0.07)
-    assert pair == ("tool", "ball")
-
-
-def test_a_margin_is_not_kept_between_links() -> None:
-    """Links may be built close together: they only have to stay apart."""
-    robot, q = builtin("ur5e"), np.array([0.0, -1.2, 1.9, -0.7, 1.57, 0.0])
-    clearances = [Checker.of(robot, Scene(), margin).clearance(q)[0] for margin in (0.0, 0.2)]
-    assert clearances[0] == clearances[1] > 0.0
-    assert Checker(Checker.of(robot, Scene()).model, 0.2).clearance(q)[0] < clearances[0]
-
-
-def test_a_bare_chain_hits_nothing() -> None:
-    model = CollisionModel.bare(builtin("ur5e").chain)
-    assert model.robot.links == model.scene.ids == ()
-    assert model.robot.chain is builtin("ur5e").chain
-    assert Checker(model).clearance(np.zeros(6)) == (np.inf, None)
-    assert Checker(model).valid(np.zeros(6))
-    assert Checker(model).segment(np.zeros(6), np.ones(6)).free
-
-
-def test_arrays_are_packed_once_and_can_not_be_written_to() -> None:
-    model = CollisionModel(builtin("ur5e"), mixed(10))
-    arrays = model.arrays
-    assert model.arrays is arrays
-    for name, array in arrays._asdict().items():
-        if isinstance(array, np.ndarray) and array.size:
-            assert not array.flags.writeable, name
-
-
 def test_a_link_may_be_in_a_halfspace_that_it_is_allowed_to_touch() -> None:
     robot, floor = gantry(BALL), Obstacle("floor", HalfSpace(UP, 0.0))
     below = np.array([0.0, 0.0, -0.5])

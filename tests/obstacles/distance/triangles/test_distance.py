@@ -298,18 +298,6 @@ def test_what_lies_inside_has_to_come_out() -> None:
         assert not apart_once_moved(body, 0.5 * told * u, ball, np.eye(4))
 
 
-def test_a_floor_and_margins() -> None:
-    corners = np.array(ell(0.8).vertices)
-    lowest = float(corners[:, 2].min())
-    floor = Obstacle("floor", HalfSpace(np.array([0.0, 0.0, 1.0]), lowest + 0.07), margin=0.01)
-    assert depth(mesh_shape(ell(0.8)), floor) == pytest.approx(0.08, abs=1e-9)
-    high = float(corners[:, 0].max())
-    box = Obstacle(
-        "box", Box(np.array([0.2, 4.0, 4.0])), transform(None, [high + 0.1 - 0.003, 0.0, 0.0]), 0.01
-    )
-    assert depth(mesh_shape(ell(0.8)), box) == pytest.approx(0.013, rel=0.02)
-
-
 def torus() -> trimesh.Trimesh:
     """A ring of many triangles about the x axis."""
     body = trimesh.creation.torus(0.5, 0.1, major_sections=128, minor_sections=64)

@@ -244,21 +244,6 @@ def test_one_that_nothing_can_reach_is_told_alone() -> None:
     assert 0.8 < found.relaxations[0] < 1.3
 
 
-def test_a_joint_beyond_its_limit() -> None:
-    found = conflict(ConstraintSet(CHAIN, (JointConstraint("panda_joint4", 1.0, 0.1, 0.1),)))
-    assert found is not None
-    upper = CHAIN.limits.upper[3]
-    np.testing.assert_allclose(found.relaxations, [0.9 - upper], atol=1e-5)
-
-
-def test_soft_ones_are_in_nobody_s_way() -> None:
-    wanted = (
-        PositionConstraint(PlaneRegion([0, 0, 0.2], UP, 0.01), weight=1.0),
-        PositionConstraint(PlaneRegion([0, 0, 0.6], UP, 0.01)),
-    )
-    assert conflict(ConstraintSet(CHAIN, wanted)) is None
-
-
 def test_time_ends_the_search_for_a_conflict() -> None:
     """What is not known by then is no conflict, or one that may name more than it needs."""
     planes = [

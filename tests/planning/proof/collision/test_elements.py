@@ -95,30 +95,6 @@ def test_boxes_hold_what_is_below_them(scene: Scene) -> None:
     assert (held(0) if len(boxed.kinds) else set()) == solid
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_joined_blocks_stand_one_behind_the_other_as_numpy_puts_them(seed: int) -> None:
-    blocks = [
-        boxes_over(*random_scene(10 * seed + k, 2 + 5 * k).pieces()[::2], 0, 0) for k in range(3)
-    ]
-    random = np.random.default_rng(seed)
-    for at, block in enumerate(blocks):
-        counts = random.integers(0, 4, len(block.kinds))
-        blocks[at] = block._replace(
-            starts=np.concatenate([[0], counts.cumsum()]),
-            vertices=random.normal(size=(counts.sum(), 3)),
-        )
-    joined = join(*blocks)
-    for name in set(Elements._fields) - {"starts", "below", "vertices"}:
-        expected = np.concatenate([getattr(block, name) for block in blocks])
-        np.testing.assert_array_equal(getattr(joined, name), expected)
-    vertices = np.concatenate([block.vertices for block in blocks])
-    np.testing.assert_array_equal(joined.vertices, vertices.T)
-    for name in ("starts", "below"):
-        counts = np.concatenate([np.diff(getattr(block, name)) for block in blocks])
-        np.testing.assert_array_equal(np.diff(getattr(joined, name)), counts)
-        assert getattr(joined, name)[0] == 0
-
-
 def _elsewhere(low: Array, high: Array) -> Tree:
     up = np.array([0.0, 0.0, 50.0])
     return tree(low + up, high + up)

@@ -9,7 +9,7 @@ from kinematics.pose import transform
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import HalfSpace, PointCloud, Sphere
-from planning.proof.collision.interval_check import check_interval, sharp_enough
+from planning.proof.collision.interval_check import check_interval
 from planning.proof.collision.pair_table import PairTable
 from planning.proof.collision.sweep import ASKING, DONE, FULL, PAUSED
 from planning.proof.collision.sweep_state import (
@@ -20,7 +20,6 @@ from planning.proof.collision.sweep_state import (
     FIRST,
     HALF,
     LAST,
-    MIDDLE,
     OBSTACLE,
     OPEN,
     OWN,
@@ -30,9 +29,6 @@ from planning.proof.collision.sweep_state import (
     VISITS,
     Sweep,
     enlarge,
-    moves_far,
-    note_clearance,
-    pass_on,
     pop_interval,
     push_halves,
 )
@@ -186,12 +182,6 @@ def test_without_room_it_says_so_and_goes_on_with_more() -> None:
     np.testing.assert_array_equal(started.sweep.clearance, whole.sweep.clearance)
 
 
-def test_a_robot_among_nothing_is_done() -> None:
-    started = start(ALONG, Scene())
-    assert started.go() == DONE
-    assert np.isinf(started.sweep.clearance).all()
-
-
 def random_motion(seed: int, pieces: int = 5) -> Trajectory:
     """Joined cubics of unequal lengths."""
     random = np.random.default_rng(seed)
@@ -207,85 +197,11 @@ def begun(trajectory: Trajectory) -> Sweep:
     return start_sweep(trajectory, PairTable.of(slider(), WALL, 0.0).arrays)
 
 
-def pop_ends(trajectory: Trajectory, w: Sweep) -> None:
-    """Take the start and the end, so that the whole motion is next."""
-    for _ in range(2):
-        pop_interval(trajectory.breaks, trajectory.coefficients, w)
-
-
 def span(trajectory: Trajectory, w: Sweep) -> tuple[float, float]:
     """The last interval from the start of the trajectory [s]."""
     one = w.counters[FIRST] == w.counters[LAST]
     begins = trajectory.breaks[w.counters[FIRST]] if one else 0.0
     return float(begins + w.interval[BEGIN]), float(begins + w.interval[END])
-
-
-def test_it_starts_with_the_start_alone_and_probes_the_end_and_then_takes_all() -> None:
-    trajectory = random_motion(1)
-    w = begun(trajectory)
-    assert w.counters[TOP] == 3
-    pop_interval(trajectory.breaks, trajectory.coefficients, w)
-    assert span(trajectory, w) == (0.0, 0.0)
-    np.testing.assert_allclose(w.joints[:, VALUE], trajectory.start)
-    assert w.counters[PROBE] == 0
-    pop_interval(trajectory.breaks, trajectory.coefficients, w)
-    assert span(trajectory, w) == pytest.approx((trajectory.duration, trajectory.duration))
-    np.testing.assert_allclose(w.joints[:, VALUE], trajectory.end)
-    assert w.counters[PROBE] == 1
-    pop_interval(trajectory.breaks, trajectory.coefficients, w)
-    assert span(trajectory, w) == (0.0, trajectory.duration)
-    assert w.counters[PROBE] == 0
-    assert w.counters[TOP] == 0
-    assert w.counters[VISITS] == 3
-
-
-@pytest.mark.parametrize("pieces", [1, 2, 5, 8])
-def test_halves_tile_the_trajectory_in_order(pieces: int) -> None:
-    random = np.random.default_rng(2)
-    trajectory = random_motion(3, pieces)
-    w = begun(trajectory)
-    pop_ends(trajectory, w)
-    reached = 0.0
-    while w.counters[TOP] > 0:
-        pop_interval(trajectory.breaks, trajectory.coefficients, w)
-        begin, end = span(trajectory, w)
-        assert begin == pytest.approx(reached, abs=1e-12)
-        depth = w.counters[DEPTH]
-        if depth < 3 or (depth < 12 and random.random() < 0.4):
-            w.counters[OPEN] = 0
-            push_halves(w, trajectory.breaks, True)
-            # An interval over several pieces is cut between two of them.
-            if w.counters[FIRST] < w.counters[LAST]:
-                assert w.counters[FIRST] < w.counters[MIDDLE] <= w.counters[LAST]
-            continue
-        reached = end
-    assert reached == pytest.approx(trajectory.duration)
-
-
-def test_pieces_are_halved_near_the_middle_in_time() -> None:
-    trajectory = through(*[[0.1 * k, 0.0] for k in range(6)], times=[0, 1, 2, 3, 9, 10])
-    w = begun(trajectory)
-    pop_ends(trajectory, w)
-    pop_interval(trajectory.breaks, trajectory.coefficients, w)
-    # The first break that is not before the middle of ten seconds.
-    assert w.interval[CENTER] == 9.0
-    assert w.interval[HALF] >= 9.0
-
-
-def test_the_first_half_alone_leaves_out_what_is_later() -> None:
-    trajectory = random_motion(4, 4)
-    for depth in range(6):
-        w = begun(trajectory)
-        pop_ends(trajectory, w)
-        pop_interval(trajectory.breaks, trajectory.coefficients, w)
-        for _ in range(depth):
-            push_halves(w, trajectory.breaks, False)
-            assert w.counters[TOP] == 1
-            before = span(trajectory, w)
-            pop_interval(trajectory.breaks, trajectory.coefficients, w)
-            begin, end = span(trajectory, w)
-            assert begin == before[0] == 0.0
-            assert end < before[1]
 
 
 def test_joints_are_enclosed_on_every_interval() -> None:
@@ -301,75 +217,6 @@ def test_joints_are_enclosed_on_every_interval() -> None:
             assert w.interval[HALF] >= 0.5 * (w.interval[END] - w.interval[BEGIN])
             if w.counters[DEPTH] < 3 or random.random() < 0.3:
                 push_halves(w, trajectory.breaks, True)
-
-
-def test_open_pairs_are_those_of_the_halves() -> None:
-    trajectory = random_motion(7)
-    w = begun(trajectory)
-    pop_ends(trajectory, w)
-    pop_interval(trajectory.breaks, trajectory.coefficients, w)
-    w.counters[OPEN] = 3
-    push_halves(w, trajectory.breaks, True)
-    assert w.counts[1] == 3
-    assert w.counters[TOP] == 2
-    pop_interval(trajectory.breaks, trajectory.coefficients, w)
-    assert w.counters[DEPTH] == 1
-
-
-def test_what_is_passed_on_unseen_has_the_pairs_it_had() -> None:
-    trajectory = random_motion(7)
-    w = begun(trajectory)
-    pop_ends(trajectory, w)
-    pop_interval(trajectory.breaks, trajectory.coefficients, w)
-    before, whole = int(w.counts[0]), span(trajectory, w)
-    pass_on(w, trajectory.breaks)
-    assert w.counters[TOP] == 2
-    assert (w.starts[1], w.counts[1]) == (w.starts[0], before)
-    reached = whole[0]
-    while w.counters[TOP] > 0:
-        pop_interval(trajectory.breaks, trajectory.coefficients, w)
-        assert w.counters[DEPTH] == 1
-        assert span(trajectory, w)[0] == pytest.approx(reached)
-        reached = span(trajectory, w)[1]
-    assert reached == pytest.approx(whole[1])
-
-
-def test_far_is_what_all_joints_move_together() -> None:
-    for reach, far in ((0.3, False), (4.0, True)):
-        trajectory = through([0.0, 0.0], [reach, reach])
-        w = begun(trajectory)
-        pop_ends(trajectory, w)
-        assert not moves_far(w)
-        pop_interval(trajectory.breaks, trajectory.coefficients, w)
-        assert moves_far(w) is far
-
-
-def test_the_least_clearance_is_noted_with_its_pair() -> None:
-    w = begun(random_motion(8))
-    for against in (OBSTACLE, OWN):
-        for i, clearance in enumerate((0.5, 0.2, 0.3, 0.2, 0.1)):
-            note_clearance(w, against, i, 10 + i, clearance)
-        assert w.clearance[against] == 0.1
-        assert w.closest[against].tolist() == [4, 14]
-    other = begun(random_motion(8))
-    note_clearance(other, OWN, 1, 2, 0.3)
-    assert other.clearance.tolist() == [np.inf, 0.3]
-    # Of equal ones the first.
-    note_clearance(other, OWN, 3, 4, 0.3)
-    assert other.closest[OWN].tolist() == [1, 2]
-
-
-def test_twice_the_room_keeps_all_that_is_there() -> None:
-    w = begun(random_motion(9))
-    w.pairs[:] = np.arange(w.pairs.size).reshape(w.pairs.shape)
-    w.referred_moves[:] = 0.25
-    larger = enlarge(w)
-    for name in ("pairs", "directions", "referred", "referred_moves"):
-        old, new = getattr(w, name), getattr(larger, name)
-        assert len(new) == 2 * len(old)
-        np.testing.assert_array_equal(new[: len(old)], old)
-    for name in set(Sweep._fields) - {"pairs", "directions", "referred", "referred_moves"}:
-        assert getattr(larger, name) is getattr(w, name)
 
 
 INTERVAL_CHECK_THERE_AND_BACK = through([-0.9, 0.0], [0.35, 0.0], [-0.9, 0.0])
@@ -490,18 +337,6 @@ def test_without_room_for_what_stays_open_it_says_so() -> None:
     k = len(started.table.arrays.roots)
     narrow = started.sweep._replace(pairs=started.sweep.pairs[:k].copy())
     assert not check(started._replace(sweep=narrow), 3)
-
-
-def test_clearances_that_are_told_need_to_be_sharp() -> None:
-    """Not at all, beyond what is of use to anybody, or a share of the least one met."""
-    assert sharp_enough(0.01, False) == -np.inf
-    assert sharp_enough(np.inf, False) == -np.inf
-    small, medium, far = (sharp_enough(nearest, True) for nearest in (1e-3, 0.01, np.inf))
-    assert 0.0 < small < 1e-3
-    assert small < medium < 0.01
-    assert medium < far < np.inf
-    assert medium / small == pytest.approx(10.0)
-    assert sharp_enough(1e6, True) == far
 
 
 def test_own_links_are_not_kept_a_margin_apart() -> None:
