@@ -51,16 +51,18 @@ _SPARES = 1
 _MODELS = 256
 #: And how much they may be together [byte].
 _MODEL_BYTES = 16 * 2**20
+#: In the order in which a request is compared with their routes, which costs microseconds each:
+#: those that compute come first.
 _ROUTERS = (
+    plan.router,
+    guard.router,
+    *routes.ROUTERS,
     pages.router,
     health.router,
     pages.problem_router,
     robots.router,
     scenes.router,
     tools.router,
-    plan.router,
-    guard.router,
-    *routes.ROUTERS,
     plans.router,
     dynamics.router,
     batch.router,

@@ -36,7 +36,7 @@ class Memory(NamedTuple):
     def of(cls, pid: int) -> "Memory":
         """The memory of a process as it is now."""
         try:
-            pages = Path(f"/proc/{pid}/statm").read_text().split()
+            pages = Path(f"/proc/{pid}/statm").read_bytes().split()
         except OSError:
             pages = []
         return cls(int(pages[0]) * _PAGE, int(pages[1]) * _PAGE) if pages else cls(0, 0)
