@@ -120,7 +120,9 @@ class Problem:
         if not isinstance(self.robot, RobotGeometry):
             raise InvalidGoal(f"a problem's robot is {self.robot!r:.60}, not what load_robot makes")
         chain = self.robot.chain
-        object.__setattr__(self, "start", frozen(chain.state(self.start, "start.joints")))
+        start = chain.state(self.start, "start.joints")
+        start.setflags(write=False)
+        object.__setattr__(self, "start", start)
         if not isinstance(self.scene, Scene) or self.scene.frames or self.scene.free:
             object.__setattr__(self, "scene", place(self.scene, chain, self.start))
         if self.field_cell is not None:

@@ -6,7 +6,6 @@ Reports of the stages of planning, written down as they end.
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
@@ -159,7 +158,7 @@ class Failure:
     hint: str
     stage: str
     stages: tuple[StageReport, ...] = ()
-    details: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    details: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +200,7 @@ class Attempt:
     notes: tuple[str, ...] = ()
     descent: Descent | None = None
     progress: tuple[Progress, ...] = ()
-    details: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    details: Mapping[str, Any] = field(default_factory=dict)
     tool_path: ToolPath | None = None
     stopped: Mapping[str, Any] | None = None
     failure: Failure | None = None

@@ -130,7 +130,7 @@ class Trajectory:
     @property
     def start(self) -> Array:
         """Position at time 0, shape (n,)."""
-        return np.asarray(self.sample([0.0])[0])
+        return self.coefficients[0, :, 0] + 0.0
 
     @property
     def end(self) -> Array:

@@ -112,14 +112,16 @@ def path_levels(levels: Sequence[Checker]) -> Iterator[ClearanceLevel]:
 
 def _path_level(level: Checker) -> ClearanceLevel:
     # Motions keep somewhat more too, so that bounds of the certificate show it.
-    spare = 0.06, 1.5e-3
-    return ClearanceLevel(_with_more(level, *_RESERVE), _with_more(level, *spare), level)
+    planned, kept = _with_more(level, *_RESERVE), _with_more(level, 0.06, 1.5e-3)
+    with_margins, slack = level.model.with_margins, level.slack
+    return ClearanceLevel(
+        Checker(with_margins(*planned), slack), Checker(with_margins(*kept), slack), level
+    )
 
 
-def _with_more(level: Checker, share: float, most: float) -> Checker:
+def _with_more(level: Checker, share: float, most: float) -> tuple[float, float]:
     margin, own = level.model.margin, level.model.own_margin
-    margin, own = margin + min(share * margin, most), own + min(share * own, most)
-    return Checker(level.model.with_margins(margin, own), level.slack)
+    return margin + min(share * margin, most), own + min(share * own, most)
 
 
 class ClearanceTrial(NamedTuple):
@@ -147,14 +149,16 @@ def clearance_trials(
         start: Shape (n,) [rad or m].
         goal: Shape (n,).
     """
-    level, *lower = path_levels(levels)
+    following = path_levels(levels)
+    level = next(following)
     states = leg_states(np.array([start, goal]))
     close = states[~level.planned.each_valid(states)]
     is_free = len(close) > 0 and levels[-1].all_valid(close)
     max_edges = FEW_EDGES if is_free else MANY_EDGES
-    if len(close) and lower and lower[0].planned.each_valid(close).any():
+    lower = next(following, None) if len(close) else None
+    if lower is not None and lower.planned.each_valid(close).any():
         yield ClearanceTrial(level, FEW_EDGES)
-        yield ClearanceTrial(lower[0], max_edges)
+        yield ClearanceTrial(lower, max_edges)
     else:
         yield ClearanceTrial(level, max_edges)
 

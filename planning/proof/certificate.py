@@ -33,7 +33,6 @@ from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
 from planning.proof.collision.collision_proof import CollisionProof
 from planning.proof.collision.overlap_proof import prove_overlaps, unlooked
-from planning.proof.collision.sweep_state import OBSTACLE, OWN
 from planning.proof.constraints.constraint_limits import constrained_efforts, constrained_margin
 from planning.proof.constraints.constraints import ConstraintReport, check_motion
 from planning.proof.limits.limit_uses import Violation
@@ -181,6 +180,7 @@ def certify(
     wanted = limits or MotionLimits()
     _check_question(trajectory, robot.chain, wanted, margin, constraints)
     effort = constrained_efforts(wanted.effort, constraints, robot.chain)
+    margin = constrained_margin(margin, constraints)
     if effort is not wanted.effort:
         wanted = replace(wanted, effort=effort)
     reports, wrong, told = check_limits(trajectory, robot.chain.limits, wanted)
@@ -197,7 +197,6 @@ def certify(
         speed, fast = check_speed_bands(robot.chain, trajectory, tool_motions.speeds)
         wrong += [violation for violation in (off, outside, fast) if violation]
     within = not wrong and not told
-    margin = constrained_margin(margin, constraints)
     proof = CollisionProof(trajectory, robot, scene, margin, deadline)
     looked_at = not wrong or _travel(trajectory) <= _MOST_TRAVEL
     if looked_at:
@@ -207,13 +206,13 @@ def certify(
         message = f"{_no_solids(robot)} with {len(scene.obstacles)} obstacle(s)"
         wrong.append(Violation("unproved", 0.0, message, {}))
     allowed, deep = prove_overlaps(trajectory, robot, scene, deadline) if looked_at else ((), None)
+    unknown = unlooked(robot, scene) if solid else (_no_solids(robot),)
+    unknown = unknown if looked_at else (_NOT_LOOKED_AT,)
     touching = [violation for violation in (proof.violation, deep) if violation]
     wrong += touching
     free = solid and looked_at and not touching
     obstacle, own = proof.clearances if looked_at else (-np.inf, -np.inf)
-    unknown = unlooked(robot, scene) if solid else (_no_solids(robot),)
-    unknown = unknown if looked_at else (_NOT_LOOKED_AT,)
-    obstacle_pair, own_pair = proof.closest(OBSTACLE), proof.closest(OWN)
+    obstacle_pair, own_pair = proof.closest_pairs
     first = min(wrong, key=lambda violation: violation.time) if wrong else None
     return Certificate(
         verified=first is None,

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from kinematics.caches.bounded_cache import array_bytes, bounded_cache
 from kinematics.model.chain import Chain
 from obstacles.robots.allowed_pairs import allowed_pairs
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -47,6 +48,7 @@ class Premises:
     open_meshes: tuple[str, ...] = ()
 
     @classmethod
+    @bounded_cache(maxsize=16, weigh=array_bytes)
     def of_cell(cls, robot: RobotGeometry, scene: Scene, margin: float) -> "Premises":
         """Premises of a proof that nothing collides.
 

@@ -202,11 +202,13 @@ def attach(
         InvalidObjectName: A name that may touch is unknown, or nothing is there to be grasped.
         InvalidOption: A mass or an inertia is none of a body.
     """
-    pairs = contacts(allowed, "request")
-    if not attached and not pairs:
-        around = with_parts(robot, scene)
-        check_allowed(robot, around)
+    if not attached and not allowed:
+        around = scene
+        if scene.allowed_collisions:
+            around = with_parts(robot, scene)
+            check_allowed(robot, around)
         return RobotInScene(robot, around, scene_notes(robot, scene))
+    pairs = contacts(allowed, "request")
     objects = [(item, attachment(robot, scene, item)) for item in attached or ()]
     grasped = hold(robot, scene, [held for _, held in objects], pairs)
     chain = robot.chain

@@ -93,6 +93,7 @@ class CollisionModel:
         return links[pair // m], self.scene.ids[int(arrays.scene[pair % m, OWNER])]
 
 
+@bounded_cache(maxsize=16, weigh=array_bytes)
 def _packed(robot: RobotGeometry, scene: Scene) -> ModelArrays:
     scene.check_placed()
     own, around = _robot_part(robot), _scene_part(scene)

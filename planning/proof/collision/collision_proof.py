@@ -95,12 +95,14 @@ class CollisionProof:
             return nothing, nothing
         return float(self._proved.clearance[OBSTACLE]), float(self._proved.clearance[OWN])
 
-    def closest(self, against: int) -> tuple[str, str] | None:
-        """The pair with the least clearance, of those with obstacles or of the robot's own."""
+    @property
+    def closest_pairs(self) -> tuple[tuple[str, str] | None, tuple[str, str] | None]:
+        """Pairs with the least clearance: of those with obstacles, and of the robot's own."""
         if self._proved is None:
-            return None
-        i, j = self._proved.closest[against].tolist()
-        return self._table.names(i, j) if i >= 0 else None
+            return None, None
+        closest, names = self._proved.closest.tolist(), self._table.names
+        (i, j), (k, m) = closest[OBSTACLE], closest[OWN]
+        return names(i, j) if i >= 0 else None, names(k, m) if k >= 0 else None
 
     def run(self) -> None:
         """Settle every pair on every interval, or find the first violation."""

@@ -151,7 +151,6 @@ class PairTable:
             opened: Pieces, the robot's and then the scene's, whose triangles are elements too, if
                 they are covers, None for all; other covers are solids, which hold what they cover.
         """
-        scene.check_placed()
         kept = _arrays(robot, scene, opened)
         # As ``_replace``, which takes three times as long.
         arrays = PairArrays._make((*kept[:_MARGIN], float(margin), *kept[_MARGIN + 1 :]))
@@ -187,6 +186,7 @@ class PairTable:
 
 @bounded_cache(maxsize=8, weigh=array_bytes)
 def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
+    scene.check_placed()
     packed, p = packed_pieces(robot, scene, opened), len(robot.pieces)
     own, _, corners = _own(robot, rows_before(opened, p))
     # The scene's corners come first in what is packed.

@@ -1,6 +1,6 @@
 """A geometric path as a value: joint positions as piecewise polynomials of a path parameter."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import comb
 
 import numpy as np
@@ -82,12 +82,17 @@ class JointPath:
         coefficients: Coefficients in ascending powers of u, shape (p, n, k), k >= 2.
         lengths: Lengths of the pieces in the path parameter s, shape (p,), all positive.
 
+    Also known: ``n``, the number of joints; ``breaks``, the path parameters at which pieces begin,
+    and the end, shape (p + 1,).
+
     Raises:
         InvalidTrajectory: Shapes do not fit, values are not finite, or a length is not positive.
     """
 
     coefficients: Array
     lengths: Array
+    n: int = field(init=False, repr=False)
+    breaks: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("coefficients", "lengths"):
@@ -105,16 +110,10 @@ class JointPath:
             )
         if not np.isfinite(c).all():
             raise InvalidTrajectory("the coefficients of a path are not all finite")
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return int(self.coefficients.shape[1])
-
-    @property
-    def breaks(self) -> Array:
-        """Path parameters at which pieces begin, and the end, shape (p + 1,)."""
-        return np.concatenate([[0.0], np.cumsum(self.lengths)])
+        breaks = np.concatenate([[0.0], np.cumsum(lengths)])
+        breaks.setflags(write=False)
+        object.__setattr__(self, "n", c.shape[1])
+        object.__setattr__(self, "breaks", breaks)
 
     @property
     def length(self) -> float:
@@ -176,7 +175,7 @@ class JointPath:
                 hint=f"Give places from 0 to {breaks[-1]!r} and a derivative of 0, 1, 2, ...",
             )
         values = np.empty((len(s), self.n))
-        sample_kernel(frozen(breaks), self.coefficients, s, derivative, values)
+        sample_kernel(breaks, self.coefficients, s, derivative, values)
         return values
 
 

@@ -126,16 +126,13 @@ def _caps_kernel(cells: Array, bounds: Array, squares: Array) -> None:
 
 
 @kernel
-def lower_bound_kernel(
-    breaks: Array, coefficients: Array, limits: Array, ends: tuple[float, float], per_piece: int
-) -> float:
+def lower_bound_kernel(breaks: Array, coefficients: Array, limits: Array, per_piece: int) -> float:
     """The bound [s].
 
     Args:
         breaks: Shape (m + 1,) [s].
         coefficients: Shape (m, n, k), k >= 2.
         limits: Limits of velocity and acceleration in each piece, inf for none, shape (2, m, n).
-        ends: Squares of the speeds at the start and at the end.
         per_piece: Cells in each piece.
     """
     m, n, size = coefficients.shape
@@ -150,7 +147,14 @@ def lower_bound_kernel(
         _normalised_kernel(cells[i, 3])
         bounds[:, i] = limits[:, piece]
     _caps_kernel(cells, bounds, squares)
-    squares[0], squares[count] = min(squares[0], ends[0]), min(squares[count], ends[1])
+    start, end, h = 0.0, 0.0, breaks[m] - breaks[m - 1]
+    for j in range(n):
+        start += coefficients[0, j, 1] ** 2
+        velocity = 0.0
+        for k in range(size - 1, 0, -1):
+            velocity = velocity * h + k * coefficients[m - 1, j, k]
+        end += velocity * velocity
+    squares[0], squares[count] = min(squares[0], start), min(squares[count], end)
     for backwards in range(2):
         for step in range(count):
             i = count - 1 - step if backwards else step
@@ -179,11 +183,10 @@ def lower_bound(motion: Trajectory, velocity: Array, acceleration: Array) -> flo
         velocity: Limits, inf where there is none, shape (n,), or (m, n) for each piece.
         acceleration: Limits, likewise.
     """
-    if motion.degree < 1:
+    if motion.coefficients.shape[2] < 2:
         return 0.0
     limits = np.empty((2, motion.pieces, motion.n))
     limits[0], limits[1] = velocity, acceleration
-    start, end = (np.square(motion.sample([0.0, motion.duration], 1)).sum(axis=1)).tolist()
     per_piece = -(-_CELLS // motion.pieces)
-    found = lower_bound_kernel(motion.breaks, motion.coefficients, limits, (start, end), per_piece)
+    found = lower_bound_kernel(motion.breaks, motion.coefficients, limits, per_piece)
     return float(found) * (1.0 - _HAIR)

@@ -137,11 +137,11 @@ def plan_outcome(
         start = body.start.model_copy(update={"joints": joints, "plan": None, "at": None})
         body = body.model_copy(update={"start": start})
     body, cell, problem = _posed(robot, scene, body, framed=framed)
-    deadline = current.deadline()
-    if deadline.passed:
-        return timed_out("the work was done", "certificate")
     observer = _report_stage if current.is_followed() else None
-    options = problems.options(body, cell.robot.chain, deadline.remaining, observer)
+    remaining = current.deadline().remaining
+    if remaining <= 0.0:
+        return timed_out("the work was done", "certificate")
+    options = problems.options(body, cell.robot.chain, remaining, observer)
     if splice is not None:
         problem = splice.begins(problem)
     outcome = pipeline.plan(problem, options)
@@ -412,7 +412,8 @@ def reproducibility(
         deterministic: Whether the same request has the same answer.
     """
     content = body.model_dump_json(exclude={"keep", "tool", "tcp", "witness"}).encode()
-    if any(stage_tools(getattr(body, "stages", ()))):
+    stages = getattr(body, "stages", ())
+    if stages and any(stage_tools(stages)):
         content = to_json(with_tool_names(from_json(content)))  # as kept requests have documents
     return {
         "seed": body.seed,
