@@ -26,7 +26,7 @@ from service.translate import poses
 from tests.planning.scenes import builtin
 from tests.service.conftest import Served
 from tests.service.robots import HOME, answer, bench, scene
-from tests.service.test_meshes import elbow, obj
+from tests.service.test_check import elbow, obj
 
 
 def random_scene(count: int = 100) -> Scene:
