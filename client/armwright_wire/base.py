@@ -170,11 +170,17 @@ class Body(Wire):
     one_of: ClassVar[tuple[str, ...]] = ()
     #: Fields that are given only beside one of others, in the published schema as well.
     only_beside: ClassVar[Beside] = {}
+    #: Fields that are given only beside all of others, likewise.
+    needs: ClassVar[Beside] = {}
+    #: Groups of fields of which at most one is given, likewise.
+    at_most_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
     #: Other rules of several fields, as the published schema has them.
     published_rules: ClassVar[tuple[JsonDict, ...]] = ()
 
     #: The field that tells this form from others, if there are any.
     tag: ClassVar[str | None] = None
+    #: Whether it has to be given; not where another field of this form alone tells it.
+    tag_is_needed: ClassVar[bool] = True
 
     def __init__(self, **fields: Any) -> None:
         aliases = type(self).model_fields
@@ -219,12 +225,17 @@ class Body(Wire):
         one without fields.
         """
         schema = super().__get_pydantic_json_schema__(core_schema, handler)
-        if cls.tag is not None:
+        if cls.tag is not None and cls.tag_is_needed:
             publish_as_required(handler.resolve_ref_schema(schema), cls.tag)
         rules: list[JsonDict] = []
         if cls.one_of:
             rules.append({"oneOf": [is_given(name) for name in cls.one_of]})
         rules += [_schema_beside(name, others) for name, others in cls.only_beside.items()]
+        rules += [{"anyOf": [_absent(k), is_given(*names)]} for k, names in cls.needs.items()]
+        rules += [
+            {"oneOf": [_absent(*names), *(is_given(name) for name in names)]}
+            for names in cls.at_most_one
+        ]
         rules += cls.published_rules
         if rules:
             inner = handler.resolve_ref_schema(schema)
@@ -240,7 +251,7 @@ class BodyWithRules(Body):
         """Check what is given together, before the rules of a form of its own."""
         if self.one_of:
             exactly_one(self, self.one_of)
-        if self.only_beside:
+        if self.only_beside or self.needs or self.at_most_one:
             check_company(self)
         return self
 
@@ -416,10 +427,40 @@ def is_given(*names: str) -> JsonDict:
     return {"required": [*names], "properties": fields}
 
 
+def _absent(*names: str) -> JsonDict:
+    """The JSON schema of objects in which none of some fields is given."""
+    return {"properties": {name: {"type": "null"} for name in names}}
+
+
+def only_where(name: str, **values: JsonValue) -> JsonDict:
+    """The JSON schema of objects in which a field is given only where others have these values."""
+    fields: JsonDict = {other: {"const": value} for other, value in values.items()}
+    return {"anyOf": [_absent(name), {"required": [*values], "properties": fields}]}
+
+
+def not_where(*names: str, **values: JsonValue) -> JsonDict:
+    """The JSON schema of objects in which fields are not all given where others have values."""
+    fields: JsonDict = {other: {"const": value} for other, value in values.items()}
+    return {"not": {"allOf": [is_given(*names), {"required": [*values], "properties": fields}]}}
+
+
+def not_both(name: str, *others: str) -> tuple[JsonDict, ...]:
+    """The JSON schemas of objects in which a field and any of others are not both given."""
+    return tuple({"not": is_given(name, other)} for other in others)
+
+
+def free_or_range(*axes: str) -> tuple[JsonDict, ...]:
+    """The JSON schemas of objects in which no axis is among the `free` ones and has a range."""
+    return tuple(
+        {"not": {"allOf": [is_given(axis, "free"),
+                           {"properties": {"free": {"contains": {"const": axis}}}}]}}
+        for axis in axes
+    )  # fmt: skip
+
+
 def _schema_beside(name: str, others: Sequence[str]) -> JsonDict:
     """The JSON schema of objects in which a field is given only beside one of others."""
-    absent: JsonDict = {"properties": {name: {"type": "null"}}}
-    return {"anyOf": [absent, *(is_given(other) for other in others)]}
+    return {"anyOf": [_absent(name), *(is_given(other) for other in others)]}
 
 
 def any_given(*forms: tuple[str, ...]) -> JsonDict:
@@ -441,7 +482,7 @@ def exactly_one(body: BaseModel, names: Sequence[str]) -> None:
 
 
 def check_company(body: Body) -> None:
-    """Check that fields which belong to others are not given without them.
+    """Check that fields are given beside those they belong to, and not beside others.
 
     Raises:
         ValueError: One is.
@@ -450,6 +491,13 @@ def check_company(body: Body) -> None:
     for name, others in body.only_beside.items():
         if values[name] is not None and all(values[other] is None for other in others):
             raise ValueError(f"{name} belongs to {' or '.join(others)}: give both or neither")
+    for name, others in body.needs.items():
+        if values[name] is not None and any(values[other] is None for other in others):
+            raise ValueError(f"{name} needs {' and '.join(others)}")
+    for names in body.at_most_one:
+        given = [name for name in names if values[name] is not None]
+        if len(given) > 1:
+            raise ValueError(f"give {' or '.join(given)}, not both")
 
 
 def distinct(labels: Sequence[str], what: str) -> None:

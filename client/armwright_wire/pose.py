@@ -21,9 +21,9 @@ from armwright_wire.base import (
     RowsLike,
     Vector3,
     VectorLike,
-    any_given,
     as_json,
     examples,
+    is_given,
 )
 
 Quaternion = Annotated[Sequence[Number], AS_LIST, Field(min_length=4, max_length=4)]
@@ -103,7 +103,11 @@ def check_rotation(rows: Sequence[Sequence[float]]) -> None:
 class Pose(Body):
     """A position [m] and at most one orientation, the identity if left out; or a transform."""
 
-    published_rules: ClassVar[tuple[JsonDict, ...]] = (any_given(("position",), ("transform",)),)
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (
+        {"oneOf": [{"required": ["position"], "not": is_given("transform")},
+                   is_given("transform") | {"not": {"required": ["position"]}}]},
+    )  # fmt: skip
+    at_most_one = ((*ORIENTATIONS, "transform"),)
     goes_by_fields: ClassVar[bool] = True
     #: Whether a pose without a position is at the origin.
     may_lack_position: ClassVar[bool] = False
@@ -157,11 +161,12 @@ class Pose(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> Self:
-        if self.transform is None and len(self.model_fields_set) <= 2 and self._has_position:
+        others = self.model_fields_set - {"position"}
+        if self.transform is None and len(others) <= 1 and self._has_position:
             return self  # most of hundreds: a position, and one more perhaps
         given = [name for name in ORIENTATIONS if getattr(self, name) is not None]
         if self.transform is not None:
-            if given or any(self.position):
+            if given or "position" in self.model_fields_set:
                 raise ValueError("transform holds position and orientation; leave all others out")
             # One form less for all that reads poses.
             values = vars(self)
@@ -262,7 +267,7 @@ else:
 class PoseForm(Pose):
     """A pose in any form; a position that is left out is the origin."""
 
-    published_rules: ClassVar[tuple[JsonDict, ...]] = ()
+    published_rules = ({"not": is_given("transform", "position")},)
     may_lack_position: ClassVar[bool] = True
 
 
@@ -279,6 +284,7 @@ class ConvertPoseRequest(BodyWithRules):
     """A pose, or motions to be composed, to be answered in every form."""
 
     one_of: ClassVar[tuple[str, ...]] = ("pose", "motions")
+    at_most_one = (("angular_velocity", "rotation_rate"),)
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("ConvertPoseRequest")})
 
@@ -291,12 +297,6 @@ class ConvertPoseRequest(BodyWithRules):
     """ω in the outer frame [rad/s]; S(ω) and the rotation's rate S(ω) R follow"""
     rotation_rate: Matrix3 | None = None
     """dR/dt [1/s] in place of ω, which follows: S(ω) = dR/dt Rᵀ"""
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "ConvertPoseRequest":
-        if self.angular_velocity is not None and self.rotation_rate is not None:
-            raise ValueError("give angular_velocity or rotation_rate: one follows from the other")
-        return self
 
 
 class PoseForms(Answer):

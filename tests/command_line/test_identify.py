@@ -152,6 +152,6 @@ def test_tables_of_measurements_give_the_frames_of_joints(run: Run, tmp_path: Pa
     of_distances = run("calibrate", "ur5e", str(path), "--anchor", "1,0,0", "--json").json
     assert of_distances["error_after"] < 1e-4
     refused = run("calibrate", "ur5e", str(path))
-    assert "distances and anchor belong together" in refused.err
+    assert "distances needs anchor" in refused.err
     write(["distance"], np.column_stack([np.degrees(q), away]))
     assert "has no unit that is known" in run("calibrate", "ur5e", str(path)).err

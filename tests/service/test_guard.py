@@ -174,7 +174,7 @@ def test_odd_openings_are_refused(url: str, client: httpx.Client) -> None:
     assert "exactly one" in _fault(client, body | {"proposal": both})
     less = {"samples": [READY], "period": 0.1}
     detail = _fault(client, body | {"proposal": less})
-    assert "samples need period and interpolation" in detail
+    assert "samples needs period and interpolation" in detail
     lone = {"joint_velocities": [0.0] * 7, "duration": 0.1}
     late = body | {"proposal": lone, "state": {"positions": READY, "elapsed": 0.1}}
     assert "no motion was accepted" in _fault(client, late)

@@ -243,7 +243,7 @@ TABLE: dict[str, tuple[str, dict[str, Any], list[Change]]] = {
     ]),
     "seams": ("/v1/plan", PLAN, [
         (seam(waypoints=[{"point": POINTS[0], "normal": UP}]), FORM, "waypoints"),
-        (seam(waypoints=[{"point": POINTS[0]}] * 2), FORM, "point and normal belong"),
+        (seam(waypoints=[{"point": POINTS[0]}] * 2), FORM, "point needs normal"),
         (seam(motions=[]), FORM, "motions"),
         (seam(tolerance={"x": [0.1, -0.1]}), FORM, "0.1 is above -0.1"),
         (seam(tolerance={"rz": [0.0, 0.1], "free": ["rz"]}), FORM, "rz has a range"),

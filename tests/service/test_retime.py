@@ -174,7 +174,7 @@ def test_a_path_is_told_by_its_fewest_waypoints(client: httpx.Client) -> None:
     assert hit["status"] == "unverified"
     assert "wall" in hit["certificate"]["violation"]["message"]
     refused = client.post("/v1/paths/simplify", json=body | {"tolerance": 0.0, "scene": wall})
-    assert "needs a robot" in problem(refused, 422, "VALIDATION_ERROR")["detail"]
+    assert "needs robot" in problem(refused, 422, "VALIDATION_ERROR")["detail"]
     refused = client.post("/v1/paths/simplify", json=body | {"tolerance": 0.0, "robot": "panda"})
     assert "path.joints[0]" in problem(refused, 422, "INVALID_MOTION_PLAN")["detail"]
 
@@ -294,7 +294,7 @@ def test_a_path_is_simplified_within_the_tools_tolerance(client: httpx.Client) -
     for wrong, said in (
         ({}, "the tolerance is None"),
         ({"tool_tolerance": {}}, "the tool's tolerance is None"),
-        ({"tool_tolerance": within, "robot": None}, "tool_tolerance needs a robot"),
+        ({"tool_tolerance": within, "robot": None}, "tool_tolerance needs robot"),
     ):
         refused = client.post("/v1/paths/simplify", json=body | wrong)
         assert refused.status_code == 422

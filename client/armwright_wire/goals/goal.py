@@ -6,7 +6,8 @@ Constraints of configurations and motions on the wire.
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+from pydantic.config import JsonDict
 
 from armwright_wire.base import (
     JOINTS_EXAMPLE,
@@ -26,6 +27,7 @@ from armwright_wire.base import (
     Vector3,
     VectorLike,
     any_given,
+    not_both,
 )
 from armwright_wire.pose import AnyPose, Pose, PoseInFrame, Quaternion
 from armwright_wire.scenes.check import Margin
@@ -125,13 +127,16 @@ class PositionConstraint(OfLink):
     """where the point stays"""
 
 
+_CONE = ("axis", "direction", "cone_angle")
+_NEAR = ("quaternion_xyzw", "axis_tolerances")
+
+
 class OrientationConstraint(OfLink):
     """An axis of a link within a cone about a direction, or an orientation within tolerances."""
 
-    model_config = ConfigDict(
-        json_schema_extra=any_given(
-            ("axis", "direction", "cone_angle"), ("quaternion_xyzw", "axis_tolerances")
-        )
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (
+        any_given(_CONE, _NEAR),
+        *(rule for name in _CONE for rule in not_both(name, *_NEAR)),
     )
 
     type: Literal["orientation"] = "orientation"
@@ -268,6 +273,7 @@ class Start(BodyWithRules):
     """Start of the motion."""
 
     one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "plan")
+    needs: ClassVar[Beside] = {"plan": ("at",)}
     only_beside: ClassVar[Beside] = {
         "at": ("plan",),
         "velocities": ("joints", "state"),
@@ -288,12 +294,6 @@ class Start(BodyWithRules):
     """
     at: NonNegative | None = None
     """instant of its trajectory [s]"""
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "Start":
-        if self.plan is not None and self.at is None:
-            raise ValueError("plan needs at: the instant at which its motion is left")
-        return self
 
 
 class SingleGoal(BodyWithRules):

@@ -17,8 +17,10 @@ from armwright_wire.base import (
     Point,
     Vector3,
     VectorLike,
-    exactly_one,
+    free_or_range,
     is_given,
+    not_where,
+    only_where,
 )
 from armwright_wire.goals.goal import given_fields
 from armwright_wire.pose import AnyPose, PoseAnswer, PoseInFrame
@@ -41,6 +43,8 @@ class ToolTolerance(Body):
 
     The tool's pose is T_pose Trans(x, y, z) Rx(rx) Ry(ry) Rz(rz) in its own frame.
     """
+
+    published_rules = free_or_range("rx", "ry", "rz")
 
     x: LengthRange | None = Field(None, examples=[[-0.001, 0.001]])
     """[m]"""
@@ -74,8 +78,11 @@ class ToolTolerance(Body):
         return self
 
 
-class Waypoint(Body):
+class Waypoint(BodyWithRules):
     """A pose of the tool, or a point with the surface's normal that the tool's z is against."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("pose", "point")
+    needs: ClassVar[Beside] = {"point": ("normal",), "normal": ("point",), "direction": ("point",)}
 
     pose: PoseInFrame | None = None
     """of the tip, without deviation"""
@@ -106,11 +113,6 @@ class Waypoint(Body):
 
     @model_validator(mode="after")
     def _check_form(self) -> "Waypoint":
-        exactly_one(self, ("pose", "point"))
-        if (self.point is None) != (self.normal is None):
-            raise ValueError("point and normal belong together")
-        if self.direction is not None and self.point is None:
-            raise ValueError("direction belongs to point and normal")
         if self.normal is not None and not any(self.normal):
             raise ValueError("normal: has no length")
         for name in self.free:
@@ -156,11 +158,27 @@ Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
 Ends = Annotated[Sequence[NonNegative], AS_LIST, Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
 
 
+#: The published rule of a motion that is no arc, or an arc.
+_LINE_OR_ARC: JsonDict = {
+    "oneOf": [
+        {
+            "properties": {"type": {"enum": ["lin", "corner"]}},
+            "not": {"anyOf": [is_given("via"), is_given("center")]},
+        },
+        {
+            "properties": {"type": {"const": "circ"}},
+            "oneOf": [is_given("via"), is_given("center")],
+        },
+    ]
+}
+
+
 class ToolCurve(BodyWithRules):
     """A motion of the tool from where it is: what all kinds of them have."""
 
     goes_by_fields: ClassVar[bool] = True
     only_beside: ClassVar[Beside] = {"normal": ("center",)}
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (_LINE_OR_ARC,)
 
     type: Literal["lin", "circ", "corner"] = Field(examples=["lin"])
     """line, arc or rounded corner"""
@@ -209,30 +227,8 @@ class ToolCurve(BodyWithRules):
         return cls.of(type="circ", pose=pose, via=via, center=center, normal=normal, blend=blend)
 
 
-def _line_or_arc(kind: JsonDict) -> JsonDict:
-    """The published rule of a line or an arc.
-
-    Args:
-        kind: The schema of types that are no arcs.
-    """
-    return {
-        "oneOf": [
-            {
-                "properties": {"type": kind},
-                "not": {"anyOf": [is_given("via"), is_given("center")]},
-            },
-            {
-                "properties": {"type": {"const": "circ"}},
-                "oneOf": [is_given("via"), is_given("center")],
-            },
-        ]
-    }
-
-
 class ToolMotion(ToolCurve):
     """A line, or an arc through a point or about a centre, from where the tool is."""
-
-    published_rules: ClassVar[tuple[JsonDict, ...]] = (_line_or_arc({"const": "lin"}),)
 
     type: Literal["lin", "circ"] = Field(examples=["lin"])
     """line or arc"""
@@ -271,6 +267,7 @@ class CartesianOptions(BodyWithRules):
         "retreat": ("waypoints",),
         "branch_changes": ("waypoints",),
     }
+    at_most_one = (("motions", "waypoints"),)
 
     motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = None
     """one line to the goal if left out"""
@@ -309,12 +306,6 @@ class CartesianOptions(BodyWithRules):
     """retreat from a waypoint after which the arm may come back in another branch of its inverse
     kinematics; a seam that needs one is refused if left out
     """
-
-    @model_validator(mode="after")
-    def _check_seam(self) -> "CartesianOptions":
-        if self.waypoints is not None and self.motions is not None:
-            raise ValueError("give motions or waypoints, not both")
-        return self
 
     def as_options(self) -> dict[str, Any]:
         """The mapping that a plan's `planner_options` take."""
@@ -375,7 +366,7 @@ class TimedToolMotion(ToolCurve):
     """A line, an arc or a corner that a trajectory is held to, a part of a seam perhaps."""
 
     published_rules: ClassVar[tuple[JsonDict, ...]] = (
-        _line_or_arc({"enum": ["lin", "corner"]}),
+        _LINE_OR_ARC,
         {
             "oneOf": [
                 {"properties": {"type": {"const": "corner"}}, "allOf": [is_given("rounds")]},
@@ -385,6 +376,9 @@ class TimedToolMotion(ToolCurve):
                 },
             ]
         },
+        only_where("tool_speed", part="seam"),
+        not_where("tolerance", type="corner"),
+        not_where(type="corner", part="seam"),
     )
 
     rounds: RoundedCorner | None = None

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from armwright_wire.base import (
     Answer,
@@ -72,6 +72,7 @@ class ExportRequest(WithTool, WithFingers, BodyWithRules):
     model_config = ConfigDict(json_schema_extra={"examples": examples("ExportRequest")})
 
     one_of: ClassVar[tuple[str, ...]] = ("trajectory", "plan")
+    needs: ClassVar[Beside] = {"trajectory": ("robot",)}
     only_beside: ClassVar[Beside] = {
         "robot": ("trajectory",),
         "scene": ("trajectory",),
@@ -141,12 +142,6 @@ class ExportRequest(WithTool, WithFingers, BodyWithRules):
     different_scene: bool = False
     """export all the same, proved for the robot and scene of this request"""
     timeout: Timeout | None = None
-
-    @model_validator(mode="after")
-    def _check_source(self) -> "ExportRequest":
-        if self.trajectory is not None and self.robot is None:
-            raise ValueError("a trajectory needs robot")
-        return self
 
 
 class ExportPart(Answer):

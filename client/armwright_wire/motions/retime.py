@@ -1,6 +1,6 @@
 """Timing of given paths, paths of fewer waypoints, and motions in other shapes, on the wire."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
@@ -8,7 +8,9 @@ from pydantic.config import JsonDict
 from armwright_wire.base import (
     MAX_JOINTS,
     Answer,
+    Beside,
     Body,
+    BodyWithRules,
     Frame,
     JointVector,
     Label,
@@ -18,6 +20,7 @@ from armwright_wire.base import (
     Positive,
     Timeout,
     examples,
+    is_given,
 )
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.motions.timing import Timing, TimingAnswer
@@ -297,8 +300,10 @@ _OF_ROBOT = (
 )
 
 
-class SimplifyRequest(WithTool, WithFingers):
+class SimplifyRequest(WithTool, WithFingers, BodyWithRules):
     """A path to be told by the fewest waypoints within a tolerance, in a scene perhaps."""
+
+    needs: ClassVar[Beside] = dict.fromkeys(_OF_ROBOT, ("robot",))
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("SimplifyRequest")})
 
@@ -318,14 +323,6 @@ class SimplifyRequest(WithTool, WithFingers):
     allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
     timeout: Timeout | None = None
-
-    @model_validator(mode="after")
-    def _check_robot(self) -> "SimplifyRequest":
-        if self.robot is None:
-            for name in _OF_ROBOT:
-                if getattr(self, name) is not None:
-                    raise ValueError(f"{name} needs a robot: name one, or leave {name} out")
-        return self
 
 
 class SimplifyAnswer(Answer):
@@ -353,8 +350,14 @@ class SimplifyAnswer(Answer):
     """what is special about the path"""
 
 
-class FitRequest(WithTool):
+_TIMES = is_given("times") | {"type": "object"}
+
+
+class FitRequest(WithTool, BodyWithRules):
     """A recorded motion that few polynomials are to stand for."""
+
+    needs: ClassVar[Beside] = {"tool": ("robot",), "tcp": ("robot",), "limits": ("retime",)}
+    published_rules = ({"not": {"required": ["retime"], "properties": {"retime": _TIMES}}},)
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("FitRequest")})
 
@@ -380,12 +383,8 @@ class FitRequest(WithTool):
 
     @model_validator(mode="after")
     def _check_form(self) -> "FitRequest":
-        if self.retime is None and self.limits is not None:
-            raise ValueError("limits belong to retime: times that are kept are proved as they are")
         if self.retime is not None and self.retime.times is not None:
             raise ValueError("retime.times: leave retime out to keep the times of the samples")
-        if self.robot is None and (self.tool, self.tcp) != (None, None):
-            raise ValueError("a tool needs a robot: name one, or leave the tool out")
         return self
 
 

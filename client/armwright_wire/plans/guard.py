@@ -2,7 +2,7 @@
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 from pydantic.config import JsonDict
 
 from armwright_wire.base import (
@@ -63,6 +63,11 @@ class Proposal(BodyWithRules):
     """A motion that somebody is about to send."""
 
     one_of: ClassVar[tuple[str, ...]] = ("trajectory", "samples", "joint_velocities", "twist")
+    needs: ClassVar[Beside] = {
+        "samples": ("period", "interpolation"),
+        "joint_velocities": ("duration",),
+        "twist": ("duration",),
+    }
     only_beside: ClassVar[Beside] = {
         "period": ("samples",),
         "interpolation": ("samples",),
@@ -92,15 +97,6 @@ class Proposal(BodyWithRules):
     """for which velocities are held [s]"""
     link: Label | None = None
     """that has the twist; the tip if left out"""
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "Proposal":
-        if self.samples is not None and (self.period is None or self.interpolation is None):
-            raise ValueError("samples need period and interpolation")
-        held = self.joint_velocities is not None or self.twist is not None
-        if held and self.duration is None:
-            raise ValueError("velocities that are to be held need duration")
-        return self
 
 
 class GuardStep(Body):

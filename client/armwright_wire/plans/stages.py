@@ -3,7 +3,16 @@
 from collections.abc import Sequence
 from typing import Annotated, ClassVar, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    Field,
+    GetJsonSchemaHandler,
+    Tag,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from armwright_wire.base import (
     AS_LIST,
@@ -19,6 +28,8 @@ from armwright_wire.base import (
     Positive,
     Seed,
     Vector3,
+    is_given,
+    not_where,
 )
 from armwright_wire.goals.goal import Constraints, Goal
 from armwright_wire.goals.tool_motion import CartesianOptions
@@ -89,8 +100,15 @@ class Via(Body):
     """
 
 
-class MoveStage(StageBody):
+_CARTESIAN = "^[Cc][Aa][Rr][Tt][Ee][Ss][Ii][Aa][Nn]$"
+
+
+class MoveStage(StageBody, BodyWithRules):
     """A free motion to a goal, or to where the approach after it begins."""
+
+    only_beside: ClassVar[Beside] = {"tolerance": ("goal",), "blend": ("goal", "end_of")}
+    at_most_one = (("goal", "end_of"),)
+    published_rules = ({"properties": {"planner": {"not": {"pattern": _CARTESIAN}}}},)
 
     kind: Literal["move"] = "move"
     goal: Goal | None = None
@@ -110,12 +128,6 @@ class MoveStage(StageBody):
 
     @model_validator(mode="after")
     def _check_form(self) -> "MoveStage":
-        if self.goal is not None and self.end_of is not None:
-            raise ValueError("give goal or end_of, not both")
-        if self.tolerance is not None and self.goal is None:
-            raise ValueError("tolerance needs goal")
-        if self.blend is not None and self.goal is None and self.end_of is None:
-            raise ValueError("blend needs goal or end_of: without, the stage ends at an approach")
         if self.planner.lower() == "cartesian":
             raise ValueError("planner cartesian: ask for an approach, retreat or lift")
         return self
@@ -129,6 +141,8 @@ class MoveStage(StageBody):
 
 class StraightStage(StageBody):
     """A straight motion of the tool."""
+
+    published_rules = (not_where("frame", direction="normal"),)
 
     direction: Vector3 | Literal["normal"] | None = None
     """of the motion; if left out: approach and insert along z of the tool, retreat against it, lift
@@ -228,6 +242,8 @@ class ArcStage(FollowStage, BodyWithRules):
 
 class SeamStage(StageBody, CartesianOptions):
     """A seam as of the planner "cartesian"; the arm goes to its beginning by a free motion."""
+
+    published_rules = (is_given("waypoints"), not_where(allow_partial=True))
 
     kind: Literal["seam"] = "seam"
 
@@ -361,6 +377,8 @@ class PlaceStage(StageBody, BodyWithRules):
     """A choice among poses of the held object; without an approach, a free motion there."""
 
     one_of: ClassVar[tuple[str, ...]] = ("poses", "region", "grid", "stack", "resting")
+    needs: ClassVar[Beside] = {"resting": ("object", "support")}
+    at_most_one = (("resting", "relative_to"),)
 
     kind: Literal["place"] = "place"
     object: Label | None = None
@@ -380,12 +398,6 @@ class PlaceStage(StageBody, BodyWithRules):
     support: Support | None = None
     """what it is put on: they may touch from the approach to detach"""
     touch_depth: TouchDepth = TOUCH_DEPTH
-
-    @model_validator(mode="after")
-    def _check_resting(self) -> "PlaceStage":
-        if self.resting is not None and (None in (self.object, self.support) or self.relative_to):
-            raise ValueError("resting needs object and support, and no relative_to")
-        return self
 
 
 class AttachStage(StageBody, BodyWithRules):
@@ -428,8 +440,10 @@ class WaitStage(StageBody):
     """[s]"""
 
 
-class GripperStage(StageBody):
+class GripperStage(StageBody, BodyWithRules):
     """The gripper opens or closes while the arm stands still."""
+
+    at_most_one = (("joints", "state"),)
 
     joints: FingerPositions | None = None
     """where joints of the gripper go [rad or m]; the others stay. If left out, the gripper's state
@@ -439,12 +453,6 @@ class GripperStage(StageBody):
     """in place of joints: a state of the gripper"""
     duration: Annotated[Positive, Field(le=3600.0)] | None = None
     """[s]; half a second if left out, or what the fingers' speeds need"""
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "GripperStage":
-        if self.joints is not None and self.state is not None:
-            raise ValueError("give joints or state, not both")
-        return self
 
 
 class OpenStage(GripperStage):
@@ -499,6 +507,8 @@ class WaitForStage(StageBody):
 class ForEachStage(Body):
     """Stages once for each object; `{object}` in their texts is the object's name."""
 
+    tag_is_needed: ClassVar[bool] = False
+
     kind: Literal["for_each"] = "for_each"
     for_each: dict[
         Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,31}$")],
@@ -523,6 +533,7 @@ class RegraspStage(BodyWithRules):
     """The object may be put down and be grasped again, where no one grasp does for all."""
 
     one_of: ClassVar[tuple[str, ...]] = ("supports", "poses", "region")
+    tag_is_needed: ClassVar[bool] = False
     only_beside: ClassVar[Beside] = {"support": ("poses", "region")}
 
     kind: Literal["regrasp"] = "regrasp"
@@ -549,12 +560,18 @@ class RegraspStage(BodyWithRules):
 class FallbackStage(Body):
     """Alternatives in order: the first that can be done, with all that follows."""
 
+    tag_is_needed: ClassVar[bool] = False
+
     kind: Literal["fallback"] = "fallback"
     fallback: Annotated[
         list[Annotated[list["StageUnion"], Field(max_length=MAX_STAGES)]],
         Field(min_length=1, max_length=100),
     ]
     """stages of each alternative"""
+
+
+#: Kinds inside of a stage that is told by its name alone.
+_REGRASP = (None, "regrasp")
 
 
 def _with_kind(value: object) -> object:
@@ -564,8 +581,25 @@ def _with_kind(value: object) -> object:
             if kind in value:
                 return {"kind": kind, **value}
         if "regrasp" in value:
-            return {"kind": "regrasp", **value["regrasp"]}
+            own = value["regrasp"]
+            if len(value) > 1:
+                raise ValueError("regrasp holds all fields of its stage: none stands beside it")
+            told = isinstance(own, dict) and own.get("kind") in _REGRASP
+            return {"kind": "regrasp", **(own if told else value)}
     return value
+
+
+class _KindTold:
+    """The published schema of stages that are told by their own field in place of a kind."""
+
+    def __get_pydantic_json_schema__(
+        self, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        schema = handler(core_schema)
+        again = {"required": ["regrasp"], "properties": {"regrasp": schema["oneOf"][-1]}}
+        told = [{"required": [name]} for name in ("kind", "for_each", "fallback", "regrasp")]
+        schema["oneOf"].append({"type": "object", "additionalProperties": False} | again)
+        return schema | {"allOf": [{"anyOf": told}]}
 
 
 #: A stage that is no block of others.
@@ -593,4 +627,5 @@ StageUnion = Annotated[
     SingleStage | ForEachStage | FallbackStage | RegraspStage,
     Field(discriminator="kind"),
     BeforeValidator(_with_kind),
+    _KindTold(),
 ]

@@ -2,10 +2,11 @@
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from armwright_wire.base import (
     Answer,
+    Beside,
     Body,
     BodyWithRules,
     InFrame,
@@ -50,6 +51,7 @@ class CalibrateRequest(WithTool, BodyWithRules):
     """Configurations of an arm and what was measured of a link there."""
 
     one_of: ClassVar[tuple[str, ...]] = ("poses", "positions", "distances", "plane")
+    needs: ClassVar[Beside] = {"distances": ("anchor",), "anchor": ("distances",)}
     model_config = ConfigDict(json_schema_extra={"examples": examples("CalibrateRequest")})
 
     joints: Annotated[list[JointVector], _Measured]
@@ -75,12 +77,6 @@ class CalibrateRequest(WithTool, BodyWithRules):
     tolerance: Accuracy | None = None
     """of the arm's making, of each joint's frame; 1 mm, 1 mrad if left out"""
     timeout: Timeout | None = None
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "CalibrateRequest":
-        if (self.distances is None) != (self.anchor is None):
-            raise ValueError("distances and anchor belong together: give both or neither")
-        return self
 
 
 class CorrectionAnswer(Answer):

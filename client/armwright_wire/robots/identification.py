@@ -7,6 +7,7 @@ from pydantic import ConfigDict, Field, model_validator
 from armwright_wire.base import (
     MAX_JOINTS,
     Answer,
+    Beside,
     BodyWithRules,
     InFrame,
     JointVector,
@@ -15,6 +16,7 @@ from armwright_wire.base import (
     Positive,
     Timeout,
     examples,
+    only_where,
 )
 from armwright_wire.robots.payload import Payload
 from armwright_wire.robots.robot import RobotInertias
@@ -36,6 +38,8 @@ class LogBody(BodyWithRules):
     """A log of one motion, or of poses at rest where it has neither times nor a period."""
 
     one_of: ClassVar[tuple[str, ...]] = ("torques", "currents")
+    needs: ClassVar[Beside] = {"currents": ("gains",), "gains": ("currents",)}
+    at_most_one = (("times", "period"),)
 
     positions: Rows
     """q, a row for each instant [rad or m]"""
@@ -54,19 +58,13 @@ class LogBody(BodyWithRules):
     accelerations: Rows | None = None
     """q̈; derivatives if left out [rad/s² or m/s²]"""
 
-    @model_validator(mode="after")
-    def _check_form(self) -> "LogBody":
-        if (self.currents is None) != (self.gains is None):
-            raise ValueError("currents and gains belong together: give both or neither")
-        if self.times is not None and self.period is not None:
-            raise ValueError("give times or period, not both")
-        return self
-
 
 class IdentifyRequest(WithTool):
     """Logs of a robot whose bodies and drives, or whose load, are to be found."""
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("IdentifyRequest")})
+
+    published_rules = (only_where("link", find="payload"),)
 
     logs: Annotated[list[LogBody], Field(min_length=1, max_length=MAX_LOGS)]
     """motions that differ, or poses at rest"""

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
+from pydantic.config import JsonDict
 
 from armwright_wire.base import (
     AS_LIST,
@@ -18,6 +19,8 @@ from armwright_wire.base import (
     Positive,
     Seed,
     Timeout,
+    free_or_range,
+    is_given,
 )
 from armwright_wire.pose import Pose, PoseAnswer, Quaternion, check_quaternion_norm
 from armwright_wire.scenes.check import AllowedAnswers, AllowedCollisions, AttachedObjects
@@ -42,6 +45,8 @@ Rotation = Literal["rx", "ry", "rz"]
 
 class ReachTolerance(Body):
     """Deviation that is allowed from each pose, in its own frame: x, y, z, then Rx Ry Rz."""
+
+    published_rules = free_or_range("rx", "ry", "rz")
 
     free: Annotated[list[Rotation], Field(max_length=3)] = Field(
         default_factory=list, examples=[["rz"]]
@@ -117,6 +122,10 @@ class ReachRequest(WithTool, BodyWithRules):
     """Task poses and what stands around; with candidates for the base also where to stand."""
 
     one_of: ClassVar[tuple[str, ...]] = ("poses", "box")
+    at_most_one = (("bases", "base_region"), ("frame", "bases"), ("frame", "base_region"))
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (
+        {"anyOf": [is_given("box"), {"properties": {"format": {"const": "json"}}}]},
+    )
 
     poses: Annotated[list[Pose], Field(min_length=1, max_length=MAX_POSES)] | None = None
     """task poses of the link"""
@@ -154,12 +163,6 @@ class ReachRequest(WithTool, BodyWithRules):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.bases is not None and self.base_region is not None:
-            raise ValueError("give bases or base_region, not both")
-        if self.frame is not None and (self.bases or self.base_region):
-            raise ValueError(
-                "with candidates for the base all is meant in their frame, not in frame"
-            )
         if self.format != "json" and self.box is None:
             raise ValueError("a picture needs box")
         return self

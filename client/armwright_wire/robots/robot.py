@@ -5,6 +5,7 @@ import struct
 from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic.config import JsonDict
 
 from armwright_wire.base import (
     MAX_JOINTS,
@@ -24,6 +25,8 @@ from armwright_wire.base import (
     Vector3,
     any_given,
     examples,
+    not_both,
+    not_where,
 )
 from armwright_wire.pose import Pose, PoseAnswer
 from armwright_wire.scenes.scene import Shape, check_base64
@@ -124,6 +127,12 @@ class DhRow(Body):
 
     For a revolute joint `theta` is the offset of the joint variable, for a prismatic one `d` is.
     """
+
+    published_rules = (
+        not_where("lower", continuous=True),
+        not_where("upper", continuous=True),
+        *not_both("motor", "motor_inertia", "viscous_friction"),
+    )
 
     type: Literal["revolute", "prismatic"]
     """kind of joint"""
@@ -408,6 +417,10 @@ class RobotBody(RobotFields, BodyWithRules):
     """A robot as URDF or as a Denavit-Hartenberg table."""
 
     one_of: ClassVar[tuple[str, ...]] = ("urdf", "dh")
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (
+        *not_both("dh", "srdf", "meshes", "held", "motors"),
+        not_where("dh", visual_solids=True),
+    )
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("RobotBody")})
 

@@ -119,7 +119,8 @@ class Convex(Body):
 class Mesh(Body):
     """A triangle mesh: vertices and faces, or an STL file in base64."""
 
-    model_config = ConfigDict(json_schema_extra=any_given(("vertices", "faces"), ("stl_base64",)))
+    published_rules = (any_given(("vertices", "faces"), ("stl_base64",)),)
+    at_most_one = (("vertices", "stl_base64"), ("faces", "stl_base64"))
 
     type: Literal["mesh"] = "mesh"
     vertices: Annotated[_Vertices, Field(min_length=3)] | None = None

@@ -103,7 +103,7 @@ class Drawing:
             if union in schema:
                 parts = [part for part in schema[union] if part.get("type") != "null"]
                 return [form for part in parts for form in self.forms(part, default)]
-        if kind == "array":
+        if kind == "array" or "properties" in schema:
             return self._lists(schema)
         by_pattern = schema.get("patternProperties", {}).values()
         named = [schema.get("additionalProperties"), *by_pattern][-1]
@@ -118,6 +118,8 @@ class Drawing:
         return [default is not True] if kind == "boolean" else [{"range": 0.5}]
 
     def _lists(self, schema: Schema) -> list[Any]:
+        if "properties" in schema:  # an object without a class: a stage under its own name
+            return [{name: self.forms(part)[0] for name, part in schema["properties"].items()}]
         if "prefixItems" in schema:
             columns = [self.forms(part) for part in schema["prefixItems"]]
             return [[column[0] for column in columns]]
@@ -136,9 +138,7 @@ class Drawing:
             self.briefs[name] = []  # inside itself
             schema = self.definitions[name]
             if name in KINDS:
-                body = _least(
-                    KINDS[name], self._fields(name, schema), schema.get("required", []), {}
-                )
+                body = _least(KINDS[name], self._fields(name, schema), needed(name, schema), {})
                 self.briefs[name] = [body]
             else:
                 self.briefs[name] = self.forms(schema)
@@ -164,7 +164,7 @@ class Drawing:
         }
         while missing:
             (name, i), form = next(iter(missing.items()))
-            body = _least(kind, fields, schema.get("required", []), {name: form})
+            body = _least(kind, fields, needed(kind.__name__, schema), {name: form})
             missing.pop((name, i))
             for other, forms in fields.items():
                 open_forms = [forms[k] for k in range(len(forms)) if (other, k) in missing]
@@ -177,6 +177,13 @@ class Drawing:
                     if one is value:
                         missing.pop((other, k), None)
             yield body
+
+
+def needed(name: str, schema: Schema) -> list[str]:
+    """Fields that bodies of a class have to have where they stand among others."""
+    tag = KINDS[name].tag
+    required: list[str] = schema.get("required", [])
+    return required if tag is None or tag in required else [tag, *required]
 
 
 def _is_valid(kind: type[BaseModel], body: dict[str, Any]) -> bool:
@@ -202,14 +209,15 @@ def _least(
     raise AssertionError(f"no body of {kind.__name__} holds {given}")
 
 
+DRAWING = Drawing(models_json_schema([(kind, "validation") for kind in KINDS.values()])[1]["$defs"])
+
+
 def _draw() -> Iterator[tuple[type[BaseModel], dict[str, Any]]]:
-    schemas = models_json_schema([(kind, "validation") for kind in KINDS.values()])[1]["$defs"]
-    drawing = Drawing(schemas)
     for name, kind in KINDS.items():
-        for body in drawing.bodies(kind, drawing.definitions[name]):
+        for body in DRAWING.bodies(kind, DRAWING.definitions[name]):
             if name in INSIDE:
                 whole, field = INSIDE[name]
-                yield KINDS[whole], drawing.forms({"$ref": whole})[0] | {field: [body]}
+                yield KINDS[whole], DRAWING.forms({"$ref": whole})[0] | {field: [body]}
             else:
                 yield kind, body
 

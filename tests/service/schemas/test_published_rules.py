@@ -2,10 +2,12 @@
 
 import itertools
 import json
+import re
 from collections.abc import Iterator
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 from pydantic import BaseModel, ValidationError
 
@@ -13,10 +15,12 @@ from armwright_wire.goals.goal import Goal
 from armwright_wire.goals.tool_motion import TimedToolMotion, ToolMotion
 from armwright_wire.motions.retime import RetimeRequest
 from armwright_wire.plans.batch import BatchRequest
+from armwright_wire.plans.task import TaskRequest
 from armwright_wire.plans.tour import TourGoal
 from armwright_wire.robots.kinematics import IkRequest, VelocityRequest
 from armwright_wire.scenes.check import Attached
 from armwright_wire.scenes.scene import Scene
+from tests.service.schemas.drawn import DRAWING, KINDS, needed
 
 JOINTS = {"joints": [0.0]}
 POSE = {"position": [0.0, 0.0, 0.0]}
@@ -93,3 +97,72 @@ def test_what_belongs_together_is_published(model: type[BaseModel]) -> None:
 
 def test_what_a_batch_needs_is_given_once_or_with_each_problem() -> None:
     assert sum(agree(BatchRequest, batches())) == 2**3
+
+
+#: Refusals that no JSON schema can say: they compare numbers, count, or read texts.
+BEYOND = re.compile(
+    r"must be less than|is above|numbers, one for each axis that counts|lists of one length|"
+    r"needs as many|must not descend|names vertex|must increase|each must be unique|is given twice|"
+    r"no length|length 0|ascend|does not fit|is empty"
+)
+#: Bodies of each class.
+COUNT = 40
+
+
+def drawn_bodies(name: str) -> Iterator[dict[str, Any]]:
+    """Bodies of a class with fields of any choice, most with those that it needs."""
+    rng = np.random.default_rng([13, *name.encode()])
+    fields = DRAWING._fields(name, DRAWING.definitions[name])
+    required = {*needed(name, DRAWING.definitions[name])}
+    tag = {*filter(None, [KINDS[name].tag])}
+    for k in range(COUNT):
+        share = (0.1, 0.3, 0.6)[k % 3]
+        chosen = [
+            field for field in fields
+            if field in tag or rng.random() < (0.93 if field in required else share)
+        ]  # fmt: skip
+        values = ([*fields[field], None] for field in chosen)
+        picks = (
+            value[int(rng.integers(0, len(value) - (rng.random() < 0.85)))] for value in values
+        )
+        yield dict(zip(chosen, picks, strict=True)) | {
+            field: fields[field][int(rng.integers(len(fields[field])))] for field in tag
+        }
+
+
+@pytest.mark.parametrize("name", sorted(KINDS))
+def test_the_schema_and_the_service_take_the_same(name: str) -> None:
+    kind = KINDS[name]
+    published = jsonschema.Draft202012Validator(kind.model_json_schema(by_alias=True))
+    for body in drawn_bodies(name):
+        reasons = []
+        try:
+            kind.model_validate_json(json.dumps(body))
+        except ValidationError as error:
+            reasons = [item["msg"] for item in error.errors()]
+        if reasons and all(BEYOND.search(reason) for reason in reasons):
+            continue
+        assert published.is_valid(body) == (not reasons), (body, reasons)
+
+
+BLOCKS: list[dict[str, Any]] = [
+    {"for_each": {"object": ["a"]}, "stages": [{"kind": "wait", "duration": 1.0}]},
+    {"fallback": [[{"kind": "wait", "duration": 1.0}]]},
+    {"regrasp": {"supports": ["bench"]}},
+]
+
+
+@pytest.mark.parametrize("stage", BLOCKS, ids=lambda stage: next(iter(stage)))
+def test_stages_that_their_own_field_tells_need_no_kind(stage: dict[str, Any]) -> None:
+    (own,) = {"for_each", "fallback", "regrasp"} & set(stage)
+    inner = stage[own] if own == "regrasp" else stage
+    stages = [
+        stage,
+        {"kind": own} | inner,
+        {"kind": "wait"} | stage,
+        stage | {"surprise": 1},
+        inner,
+        {},
+    ]
+    bodies = ({"robot": "panda", "start": JOINTS, "stages": [one]} for one in stages)
+    assert agree(TaskRequest, bodies) == [True, True, False, False, own != "regrasp", False]
