@@ -3,7 +3,6 @@
 import asyncio
 from typing import Any
 
-import numpy as np
 import pytest
 
 import armwright_client as ours
@@ -42,17 +41,6 @@ def test_plans_are_certified(plan: ours.Plan) -> None:
     assert plan.reproducibility.seed == 3
 
 
-def test_trajectories_are_sampled_as_the_service_does(plan: ours.Plan) -> None:
-    motion = plan.trajectory
-    assert motion.samples is not None
-    np.testing.assert_allclose(motion.sample([0.0])[0], READY, atol=1e-6)
-    np.testing.assert_allclose(motion.sample([motion.duration])[0], AWAY, atol=1e-6)
-    for derivative, rows in enumerate((motion.samples.position, motion.samples.velocity)):
-        np.testing.assert_allclose(
-            motion.sample(motion.samples.time, derivative), np.array(rows), atol=1e-9
-        )
-
-
 def test_plans_can_be_validated_again(client: Client, plan: ours.Plan) -> None:
     scene = ours.Scene(obstacles=[TABLE, POST])
     certificate = client.validate("panda", plan.trajectory, scene=scene, timeout=60)
@@ -70,16 +58,6 @@ def test_plans_can_be_validated_again(client: Client, plan: ours.Plan) -> None:
         "panda", plan.trajectory, limits=ours.LimitValues(velocity=[0.01] * 7), timeout=60
     )
     assert not slow.verified
-
-
-def test_goals_may_be_poses(client: Client) -> None:
-    pose = client.robots.fk("panda", AWAY).pose
-    goal = ours.Goal.among([ours.Goal.at_pose(pose, position_tolerance=1e-3)])
-    for wanted in (pose, goal):
-        plan = client.plan("panda", READY, wanted, timeout=60)
-        end = plan.trajectory.sample([plan.trajectory.duration])[0]
-        reached = client.robots.fk("panda", end).pose
-        np.testing.assert_allclose(reached.position, pose.position, atol=2e-3)
 
 
 def test_failures_of_planning_are_told_apart(client: Client) -> None:

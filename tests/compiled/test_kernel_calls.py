@@ -5,12 +5,10 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import llvmlite.binding as llvm
 import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from compiled.compiler import library
 from compiled.compiler import machine_code as kernel_code
 from compiled.compiler.fingerprint import fingerprint
 from compiled.kernel import direct, kernel
@@ -297,10 +295,6 @@ def test_kernels_do_not_call_the_copy_in_a_door() -> None:
         assert b"7windingB" in (code.machine_code or code.bitcode or b"")
 
 
-def difference(left: float, right: float) -> float:
-    return left - right
-
-
 def second(values: Array) -> float:
     return float(values[1])
 
@@ -310,34 +304,3 @@ def product(n: int) -> int:
 
 
 product_kernel = kernel(product)
-
-
-@pytest.mark.parametrize(
-    ("function", "arguments"),
-    [
-        (kernel(difference), (3.0, 2.0)),
-        (kernel(second), (np.array([1.0, 4.0]),)),
-        (kernel(unlocks=False)(second), (np.array([1.0, 4.0]),)),
-        (product_kernel, (4,)),
-    ],
-)
-def test_a_kernel_copied_into_its_door_takes_only_what_it_reads(
-    function: Any, arguments: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made: list[library.Door] = []
-    machine_code = library.Door.machine_code
-
-    def noted(door: library.Door) -> bytes:
-        made.append(door)
-        return machine_code(door)
-
-    monkeypatch.setattr(library.Door, "machine_code", noted)
-    assert function(*arguments) == function.py_func(*arguments)
-    (door,) = made
-    functions = [one for one in door._final_module.functions if not one.is_declaration]
-    own = [one.name for one in functions if one.linkage != llvm.Linkage.private]
-    assert own == [door._symbol]
-    # Where the answer goes and what is read: a number each, or the address of an array's numbers.
-    # Not where an error goes, nor the size, shape, strides and owner of the array.
-    for copy in functions:
-        assert copy.name in own or len(list(copy.arguments)) <= 1 + len(arguments)

@@ -202,23 +202,6 @@ def test_heavier_robots_of_the_same_joints_have_their_own_values() -> None:
         assert relative_error(base.regressor(W) @ base.of(heavy), torque) < 1e-9
 
 
-def test_robots_of_other_joints_are_refused() -> None:
-    base = base_parameters(planar_rr(), motors=True)
-    with pytest.raises(InvalidOption, match="36 parameters, not 24"):
-        base.of(random_chain(1, 3))
-    # Five joints with motors have as many parameters as six without.
-    five = base_parameters(random_chain(2, 5), motors=True)
-    with pytest.raises(InvalidOption, match="72 parameters, not 60"):
-        five.of(random_chain(2, 6))
-
-
-def test_a_regressor_of_a_batch_keeps_its_leading_dimensions() -> None:
-    chain = planar_rr()
-    base = base_parameters(chain)
-    Y = np.arange(2 * 3 * 2 * 20.0).reshape(2, 3, 2, 20)
-    np.testing.assert_array_equal(base.regressor(Y), Y[..., base.columns])
-
-
 def test_a_robot_without_inertias_has_none() -> None:
     arm = planar_rr()
     bare = replace(arm, links=tuple(replace(link, inertia=None) for link in arm.links))

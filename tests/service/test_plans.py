@@ -1,6 +1,5 @@
 """Kept plans over HTTP: kept, listed, replayed with changes, and taken to another installation."""
 
-import base64
 import json
 from collections.abc import Iterator
 from typing import Any
@@ -14,7 +13,6 @@ from armwright_wire.plans.kept_plan import Bundle, KeptPlan, PlanList, ReplayAns
 from service.app import create_app
 from service.http.keeping import answer_digest
 from service.settings import Settings
-from tests.planning.witness.problems import checker, rejected
 from tests.service.jobs.requests import ended, submit
 from tests.service.robots import FLOOR, HOME, answer, bench, problem, scene, solid
 from tests.service.schemas.bodies import BUNDLE
@@ -129,38 +127,6 @@ def test_the_space_of_a_kept_motion_is_a_mesh(here: httpx.Client, plan: dict[str
     assert "no motion" in told["detail"]
 
 
-def test_the_witness_of_a_kept_motion_is_accepted(here: httpx.Client, plan: dict[str, Any]) -> None:
-    """That of the kept plan is the one which the answer would have had."""
-    with Client(str(here.base_url)) as client:
-        file = client.plans.witness(plan["plan_id"])
-    later = checker().read(file)
-    assert rejected(later) is None
-    assert later["unwitnessed"] == []
-    assert answer(here.get(f"/v1/plans/{plan['plan_id']}/witness")) == later
-    asked = answer(here.post("/v1/plan", json=PLAN | {"witness": True, "keep": True}))
-    assert asked["certificate"]["witness"] == {
-        "compact": base64.b64encode(file).decode(),
-        "unwitnessed": [],
-    }
-    assert asked["reproducibility"]["request_hash"] == plan["reproducibility"]["request_hash"]
-    assert answer(here.get(f"/v1/plans/{asked['plan_id']}/witness")) == later
-    proof = {"robot": ARM, "trajectory": plan["trajectory"], "scene": PLAN["scene"], "keep": True}
-    certificate = answer(here.post("/v1/validate", json=proof | {"witness": True}))
-    told = checker().read(base64.b64decode(certificate["witness"]["compact"]))
-    assert rejected(told) is None
-    assert told["facts"] == later["facts"]
-    plain = answer(here.post("/v1/validate", json=proof))
-    assert "witness" not in plain
-    assert answer(here.get(f"/v1/plans/{plain['plan_id']}/witness")) == told
-    second = here.get(f"/v1/plans/{plain['plan_id']}/witness?part=1")
-    none = problem(second, 422, "VALIDATION_ERROR")
-    assert "no part 1" in none["detail"]
-    checked = {"robot": ARM, "joints": [0.0, 0.0], "keep": True}
-    still = answer(here.post("/v1/check", json=checked))["plan_id"]
-    told = problem(here.get(f"/v1/plans/{still}/witness"), 422, "VALIDATION_ERROR")
-    assert "no witness" in told["detail"]
-
-
 def test_a_failure_is_kept_with_its_reason(here: httpx.Client) -> None:
     body = PLAN | {"keep": True, "start": {"joints": [1.9, 1.9]}, "margin": 0.3}
     response = here.post("/v1/plan", json=body)
@@ -196,16 +162,6 @@ def test_answers_of_jobs_are_kept_unless_refused(here: httpx.Client) -> None:
     job = ended(here, submit(here, {}, f"/v1/plans/{plan_id}/replay"))
     assert job["result"]["same"]
     assert stored(here, job["result"]["plan_id"])["replay_of"] == plan_id
-
-
-def test_a_replay_gives_the_same_bytes(here: httpx.Client, plan: dict[str, Any]) -> None:
-    again = replay(here, plan["plan_id"])
-    assert again["same"]
-    assert again["differences"] == []
-    assert again["plan_id"] is None
-    assert again["answer"]["trajectory"] == plan["trajectory"]
-    kept = replay(here, plan["plan_id"], keep_replay=True)
-    assert stored(here, kept["plan_id"])["replay_of"] == plan["plan_id"]
 
 
 def test_changes_are_merged_into_the_request(here: httpx.Client, plan: dict[str, Any]) -> None:
@@ -290,16 +246,6 @@ def test_bundles_name_the_operations_that_can_be_kept(here: httpx.Client) -> Non
     assert "/v1/plan" in keepable
     for path in keepable:
         Bundle.model_validate(bundle | {"operation": f"POST {path}"})
-
-
-def test_a_plan_can_be_forgotten(here: httpx.Client) -> None:
-    check = {"robot": "panda", "joints": HOME, "keep": True}
-    plan_id = answer(here.post("/v1/check", json=check))["plan_id"]
-    assert here.delete(f"/v1/plans/{plan_id}").status_code == 204
-    for path in (f"/v1/plans/{plan_id}", f"/v1/plans/{plan_id}/bundle"):
-        problem(here.get(path), 404, "NOT_FOUND")
-    problem(here.delete(f"/v1/plans/{plan_id}"), 404, "NOT_FOUND")
-    problem(here.post(f"/v1/plans/{plan_id}/replay", json={}), 404, "NOT_FOUND")
 
 
 def test_a_bundle_whose_answer_is_of_something_else_has_no_page(here: httpx.Client) -> None:

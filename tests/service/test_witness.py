@@ -10,7 +10,6 @@ import pytest
 from tests.planning.witness.problems import checker, rejected
 from tests.service.robots import answer, problem
 from tests.service.test_tasks import TASK
-from tests.service.test_tours import body
 
 
 def read(certificate: dict[str, Any]) -> dict[str, Any]:
@@ -49,12 +48,3 @@ def test_stages_of_a_task_are_witnessed_with_what_is_held(client: httpx.Client) 
     grown = documents[k]
     next(row for row in grown["solids"] if row["name"] == "crate")["rounding"] += 0.5
     assert "not proved apart" in str(rejected(grown))
-
-
-def test_legs_of_a_tour_are_witnessed(client: httpx.Client) -> None:
-    """One after the other."""
-    tour = answer(client.post("/v1/tours", json=body(rounds=1, witness=True)))
-    documents = [read(leg["certificate"]) for leg in tour["legs"]]
-    for before, after in itertools.pairwise(documents):
-        assert after["start"] == pytest.approx(before["goal"], abs=1e-9)
-    assert all(document["unwitnessed"] == [] for document in documents)

@@ -14,7 +14,6 @@ from kinematics.arrays import Array
 from kinematics.caches import bounded_cache as module
 from kinematics.caches.bounded_cache import allocated_bytes, array_bytes, bounded_cache
 from kinematics.model.chain import Chain
-from obstacles.distance.piece_set import _surface_tree
 from tests.dynamics.samples import random_chain
 
 MEBIBYTE = 2**20
@@ -143,17 +142,3 @@ def test_programs_of_many_robots_take_bounded_memory() -> None:
         most = max(most, allocated_bytes() - before)
     assert most < 1.7 * limit
     assert 0 < equations.cache_info().currsize < 12
-
-
-def test_trees_of_large_meshes_take_bounded_memory() -> None:
-    draw = np.random.default_rng(3)
-    _surface_tree(draw.normal(size=(10, 3, 3)).tobytes())
-    _surface_tree.cache_clear()
-    gc.collect()
-    before = allocated_bytes()
-    for _ in range(10):
-        _surface_tree(draw.normal(size=(30_000, 3, 3)).tobytes())
-        assert allocated_bytes() - before < 2 * module.DEFAULT_LIMIT
-    assert 0 < _surface_tree.cache_info().currsize < 10
-    _surface_tree.cache_clear()
-    assert allocated_bytes() - before < 2 * MEBIBYTE

@@ -14,7 +14,7 @@ from obstacles.convex.piece import convex_hull
 from obstacles.convex.triangles import Triangles
 from obstacles.kept_files import keep_files_in, written_files
 from obstacles.meshes import decomposition
-from obstacles.meshes.decomposition import ConvexPart, convex_pieces, cut_bodies, overhang
+from obstacles.meshes.decomposition import ConvexPart, convex_pieces, cut_bodies
 from obstacles.meshes.plane_cut import (
     Surface,
     cheapest_cut,
@@ -213,17 +213,6 @@ def test_pieces_that_were_kept_are_read_back(
         keep_files_in(None)
 
 
-def test_overhang_is_what_the_hull_has_too_much() -> None:
-    body = ell()
-    vertices, faces = np.array(body.vertices), np.array(body.faces, dtype=np.int64)
-    # The middle of the hull's slanted face, (0.6, 0.6), is 0.4 m above each arm.
-    found = overhang(convex_hull(vertices), vertices, faces)
-    assert found == pytest.approx(0.4, rel=0.02)
-    box = trimesh.creation.box([1.0, 1.0, 1.0])
-    vertices, faces = np.array(box.vertices), np.array(box.faces, dtype=np.int64)
-    assert overhang(convex_hull(vertices), vertices, faces) < 1e-12
-
-
 RING = trimesh.creation.annulus(0.5, 1.0, 0.4, sections=16)
 
 
@@ -306,24 +295,6 @@ def test_every_body_of_a_part_has_an_anchor_on_it() -> None:
         assert max(anchored) == 1
 
 
-def test_a_hull_of_many_corners_is_thinned_and_grown_to_hold_them_all() -> None:
-    ball = trimesh.creation.icosphere(subdivisions=2)
-    (part,) = parts_of(ball)
-    assert len(ball.vertices) > 128 + 8
-    # It gets eight corners at once until it has 128.
-    assert len(part.vertices) < 128 + 8
-    assert part.offset_radius > 0.0
-    assert heights(part, np.array(ball.vertices)).max() <= 1e-9
-    assert part.offset_radius < 0.06
-
-
-def test_an_open_surface_is_covered_without_what_is_in_it() -> None:
-    parts = parts_of(cup(), filled=False)
-    assert not any(part.filled for part in parts)
-    corners = np.array(cup().triangles).reshape(-1, 3)
-    assert covered(parts, corners).all()
-
-
 #: An L of two bars, 3 x 1 and 1 x 3, 1 thick: its corner is at the origin.
 L_SHAPE = trimesh.util.concatenate(
     [
@@ -351,51 +322,6 @@ def cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
 def left(triangles: Array, axis: int, at: float) -> float:
     """Volume of the hulls of both sides of a cut [m^3], by definition."""
     return sum(convex_hull(side.reshape(-1, 3)).volume for side in cut(triangles, axis, at))
-
-
-def normals(triangles: Array) -> Array:
-    n = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_both_sides_have_the_area_and_stay_on_their_side(axis: int) -> None:
-    random = np.random.default_rng(2)
-    triangles = random.normal(size=(80, 3, 3))
-    for at in random.uniform(-1.0, 1.0, 5):
-        below, above = cut(triangles, axis, at)
-        assert below[:, :, axis].max() <= at
-        assert above[:, :, axis].min() >= at
-        both = triangle_areas(below).sum() + triangle_areas(above).sum()
-        assert both == pytest.approx(triangle_areas(triangles).sum())
-        assert (triangle_areas(np.vstack([below, above])) > 0.0).all()
-
-
-def test_parts_lie_in_the_triangle_they_come_from_and_face_as_it_does() -> None:
-    random = np.random.default_rng(3)
-    for triangle in random.normal(size=(60, 1, 3, 3)):
-        at = float(random.uniform(triangle[..., 1].min(), triangle[..., 1].max()))
-        parts = np.vstack(cut(triangle, 1, at))
-        assert 2 <= len(parts) <= 3
-        np.testing.assert_allclose(
-            normals(parts), np.tile(normals(triangle), (len(parts), 1)), atol=1e-6
-        )
-        weights = np.linalg.lstsq(
-            np.vstack([triangle[0].T, np.ones(3)]),
-            np.vstack([parts.reshape(-1, 3).T, np.ones(3 * len(parts))]), rcond=None,
-        )[0]  # fmt: skip
-        assert weights.min() >= -1e-9
-
-
-def test_every_part_keeps_the_name_of_its_body() -> None:
-    random = np.random.default_rng(4)
-    triangles = random.normal(size=(40, 3, 3)) + 10.0 * np.arange(40)[:, None, None] * [0, 1, 0]
-    names = np.arange(40)
-    for side in cut_surface(surface_of(triangles, names), 0, 0.0):
-        corners = side.vertices[side.faces[:, 0]]
-        assert len(corners) == len(side.names)
-        # Bodies stand ten metres apart along y.
-        np.testing.assert_array_equal(np.round(corners[:, 1] / 10.0).clip(0, 39) - side.names, 0)
 
 
 @pytest.mark.parametrize("seed", range(6))

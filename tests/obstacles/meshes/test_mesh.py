@@ -251,28 +251,11 @@ def test_indices_that_name_no_vertex_are_refused(face: bytes) -> None:
         load_mesh(whole, "obj")
 
 
-def test_vertices_and_faces_are_left() -> None:
-    text = (
-        b"# f -1\nmtllib m\n o part\n" + SQUARE + b"vt 0 -0.5\nusemtl m\n f 1/1 2/0/1 3/1\nf 10 2 3"
-    )
-    assert plain_obj(text, 9) == SQUARE + b"f 1 2 3\nf 10 2 3\n"
-
-
 def test_triangles_are_counted_before_polygons_are_cut() -> None:
     polygons = b"".join(b"f " + b"1 2 3 " * k + b"\n" for k in range(1, 600))
     assert len(plain_obj(SQUARE + polygons, 600_000)) > len(polygons)
     with pytest.raises(InvalidScene, match="at most 200000"):
         load_mesh(SQUARE + polygons, "obj")
-
-
-def test_a_mesh_written_backwards_is_the_same_body() -> None:
-    random = np.random.default_rng(5)
-    points = random.normal(size=(30, 3))
-    faces = np.array([random.permutation(30)[:3] for _ in range(40)])
-    head = b"".join(b"v %.17g %.17g %.17g\n" % tuple(p) for p in points)
-    forward = b"".join(b"f %d %d %d\n" % tuple(f + 1) for f in faces)
-    backward = b"".join(b"f %d %d %d\n" % tuple(f - 30) for f in faces)
-    assert corners(head + forward) == corners(head + backward)
 
 
 BOX = join(piece_triangles(piece) for piece in Box([0.1, 0.2, 0.3]).pieces())
@@ -395,11 +378,6 @@ def doubled(times: int, fan: int = 2) -> bytes:
     library = f"<library_nodes>{''.join(nodes)}</library_nodes><library_visual_scenes>"
     text = written().decode().replace("<library_visual_scenes>", library)
     return text.replace("<node>", f'<node><instance_node url="#n{times}"/>', 1).encode()
-
-
-def test_nodes_that_are_referred_to_are_there_as_often() -> None:
-    _, faces = load_mesh(doubled(5, fan=3), "dae")
-    assert len(faces) == 4 * (3**5 + 1)
 
 
 @pytest.mark.parametrize("times", [14, 40, 20_000])

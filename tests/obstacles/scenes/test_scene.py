@@ -2,7 +2,6 @@
 
 import math
 import pickle
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,11 +24,6 @@ from tests.planning.scenes import builtin
 UNIT = Box(np.array([1.0, 1.0, 1.0]))
 
 
-def test_an_empty_scene_has_no_pieces() -> None:
-    arrays, owners, margins = Scene().pieces()
-    assert len(arrays) == len(owners) == len(margins) == 0
-
-
 def test_pieces_are_in_the_world_and_know_their_obstacle() -> None:
     T = random_transform(np.random.default_rng(0))
     cloud = PointCloud(np.array([[1.0, 0, 0], [0, 1, 0]]), 0.1)
@@ -49,18 +43,6 @@ def test_an_id_may_occur_once() -> None:
 def test_refuses_a_name(name: Any) -> None:
     with pytest.raises(InvalidScene, match="obstacle id"):
         Obstacle(name, UNIT)
-
-
-SKEWED = np.diag([1.0, 1.0, 1.1, 1.0])
-MIRRORED = np.diag([1.0, 1.0, -1.0, 1.0])
-FAR = transform(None, [1e9, 0.0, 0.0])
-LOST = transform(None, [np.nan, 0.0, 0.0])
-
-
-@pytest.mark.parametrize("T", [np.eye(3), SKEWED, MIRRORED, FAR, LOST, 2.0 * np.eye(4), "pose"])
-def test_refuses_a_pose(T: Any) -> None:
-    with pytest.raises(InvalidScene, match="'a'"):
-        Obstacle("a", UNIT, T)
 
 
 @pytest.mark.parametrize("margin", [-0.1, np.nan, np.inf])
@@ -174,15 +156,6 @@ def test_checkers_and_proofs_refuse_what_is_not_placed() -> None:
     assert problem.scene.frames == frozenset()
     with pytest.raises(InvalidLinkName, match="'tool'"):
         place(scene, CHAIN)
-
-
-def test_a_scene_is_the_same_whichever_name_of_the_root_it_is_given_in() -> None:
-    rotations = Rotation.random(50, random_state=0).as_matrix()
-    obstacles = [Obstacle(f"{k}", Sphere(0.1), transform(R)) for k, R in enumerate(rotations)]
-    scene = Scene(tuple(obstacles))
-    again = Scene(tuple(replace(obstacle) for obstacle in obstacles))
-    named = place(in_frame(scene, CHAIN.root_link), CHAIN)
-    assert again.content_hash == named.content_hash == scene.content_hash
 
 
 def transforms(*entries: tuple[str, str, str]) -> str:

@@ -62,12 +62,6 @@ def test_a_grazing_path_keeps_the_preferred_clearance_where_there_is_room() -> N
     assert distances(clear, scene).min() > 0.02 - 1e-6
 
 
-def test_a_spacious_path_stays_as_it_is() -> None:
-    levels = clearance_levels(Checker.of(builtin("planar_rr"), Scene()), PreferredClearance())
-    path = np.array([START, [0.0, 0.5], GOAL])
-    assert keep_clear(levels, path, Deadline.after(60.0)) is path
-
-
 def test_after_the_deadline_waypoints_stay_where_they_are() -> None:
     scene, path = grazing_scene()
     levels = clearance_levels(Checker.of(builtin("planar_rr"), scene), PreferredClearance())
@@ -169,13 +163,6 @@ def test_legs_that_keep_the_preferred_clearance_are_replaced_by_such_legs() -> N
     assert np.median(gained) < 0.95
 
 
-def test_without_a_preferred_clearance_paths_stay_as_they_are() -> None:
-    path = np.array([START, [0.0, 0.2], GOAL])
-    assert quicken(levels_in(Scene(), 0.0), path, LIMITS) is path
-    straight = path[[0, -1]]
-    assert quicken(levels_in(Scene()), straight, LIMITS) is straight
-
-
 RNG = np.random.default_rng(3)
 
 
@@ -232,12 +219,6 @@ def test_links_that_are_always_near_bound_what_is_preferred_between_own_links(ga
     assert own == (0.005 if gap > 0.0058 else pytest.approx(0.98 * gap / 1.16))
     level = next(path_levels(levels))
     assert all(level.planned.valid(q) for q in RNG.uniform(-0.5, 0.5, (20, 3)))
-
-
-def test_the_last_level_is_the_checker_itself() -> None:
-    checker = Checker.of(builtin("panda"), pillar(), 0.001)
-    assert clearance_levels(checker, PreferredClearance())[-1] is checker
-    assert clearance_levels(checker, PreferredClearance(0.0)) == (checker,)
 
 
 def test_a_margin_above_the_preferred_distance_leaves_no_other_level() -> None:

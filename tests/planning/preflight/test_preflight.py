@@ -26,7 +26,6 @@ from planning.pipeline.pipeline import plan
 from planning.planner import ENOUGH, TOUCHING, Ready
 from planning.preflight import goals as failures
 from planning.preflight.goals import (
-    collision_failure,
     find_goals,
     nearest_free,
 )
@@ -250,13 +249,6 @@ def test_slack_is_half_of_what_the_narrowest_end_has_to_spare() -> None:
     assert [float(q[0]) for q in ready.goals] == [0.4]
 
 
-def test_goals_are_sorted_by_their_distance_from_the_start() -> None:
-    goals = (at(0.9), at(-0.9), at(0.4))
-    ready = preflight(Problem(slider(), CRATE, START, goals), 0)
-    assert isinstance(ready, Ready)
-    assert [float(q[0]) for q in ready.goals] == [-0.9, 0.4, 0.9]
-
-
 def test_the_start_alone() -> None:
     ready = start_only(Problem(slider(), CRATE, START, (at(0.0),)))
     assert isinstance(ready, Ready)
@@ -304,32 +296,6 @@ def test_a_pose_that_no_configuration_has_is_reached_within_its_tolerances(
         end = pin.SE3(T).actInv(pin.SE3(forward(robot.chain, candidate.joints)))
         assert np.linalg.norm(end.translation) <= (1e-3 if tilt else 1e-6)
         assert np.linalg.norm(pin.log3(end.rotation)) <= (tolerance if tilt else 1e-6)
-
-
-ROBOT = slider()
-AT, TO = np.array([-0.5, 0.0]), np.array([0.5, 0.0])
-SCENE = Scene(
-    (
-        box("near", (0.1, 0.1, 0.4), (-0.5, 0.08, 0.0)),
-        box("nearer", (0.1, 0.1, 0.4), (-0.5, -0.06, 0.0)),
-    )
-)
-
-
-def test_of_two_overlaps_both_are_told_and_the_deeper_first() -> None:
-    """The ball is 0.02 m inside one box and 0.04 m inside the other."""
-    problem = Problem(ROBOT, SCENE, AT, (JointGoal(TO),))
-    told = collision_failure(problem, "start", AT, ("ball", "near"), -1.0)
-    assert told.code == "START_STATE_IN_COLLISION"
-    pairs = {tuple(item["pair"]): item["depth"] for item in told.details["collisions"]}
-    assert pairs[("ball", "nearer")] == pytest.approx(0.04, abs=1e-6)
-    assert pairs[("ball", "near")] == pytest.approx(0.02, abs=1e-6)
-    assert told.details["pair"] == ["ball", "nearer"]
-    assert told.details["depth"] == pytest.approx(0.04, abs=1e-6)
-    assert "overlap by 0.04 m" in told.message
-    nearest = told.details["nearest_valid"]
-    assert Checker.of(ROBOT, SCENE).valid(np.array(nearest["joints"]))
-    assert nearest["distance"] >= 0.0399
 
 
 PANDA = builtin("panda").chain
@@ -431,17 +397,6 @@ def test_all_are_of_the_pose_and_inside_the_limits(name: str) -> None:
         for q in (*joints, *turned_copies(chain, joints, start)[0]):
             assert ((q >= chain.limits.lower) & (q <= chain.limits.upper)).all()
             np.testing.assert_allclose(forward(chain, q), T, atol=1e-5)
-
-
-@pytest.mark.parametrize("angle", [1e-17, 1e-15, 1e-13, 3e-12, 1e-9])
-def test_a_pose_with_the_orientation_of_the_start_but_for_rounding(angle: float) -> None:
-    chain = builtin("ur5e").chain
-    start = np.array([0.3, -1.2, 1.4, -1.0, -1.5, 0.4])
-    T = forward(chain, start)
-    T = transform(from_rpy([angle, 0.0, -angle]) @ T[:3, :3], T[:3, 3] + [0.0, 0.05, -0.05])
-    joints = configurations(chain, T, start)
-    assert np.abs(joints[0] - start).max() < 0.3
-    np.testing.assert_allclose(forward(chain, joints[0]), T, atol=1e-5)
 
 
 def test_a_joint_at_its_limit_is_turned_away_from_it_where_it_can_be() -> None:

@@ -24,14 +24,11 @@ from service.endpoints.ik import task
 from service.endpoints.ik.constrained import _too_near
 from service.endpoints.ik.task import (
     CollisionCheck,
-    all_in_collision,
-    combined_answer,
     convergence_problem,
     solution_answer,
     trace_answer,
 )
 from service.storage.caches.cache_key import builtin_reference
-from service.workers.result import TaskProblem
 from tests.planning.scenes import HOME, box, builtin
 from tests.service.poses import as_pose, draws
 
@@ -74,25 +71,6 @@ def test_a_gradient_that_ends_elsewhere_says_where() -> None:
     assert "14 m and 21 rad" in problem.message
     assert problem.details["nearest_joints"] == [7.0] * 7
     assert (problem.details["position_error"], problem.details["orientation_error"]) == (14.0, 21.0)
-
-
-def test_a_pose_reached_in_collision_only_carries_some_of_the_rejected() -> None:
-    answers = [{"rejected_because": f"reason {i}"} for i in range(40)]
-    problem = all_in_collision("hand", answers)
-    assert "each of the 40 configurations" in problem.message
-    assert problem.message.endswith("reason 0")
-    assert problem.details["rejected"] == answers[:32]
-
-
-def test_many_poses_say_so_where_time_ended_the_search_for_one() -> None:
-    whole: Any = {"solutions": [], "deterministic": True}
-    refused = TaskProblem("NO_IK_SOLUTION", "too late", None, {"deterministic": False})
-    assert "deterministic" not in combined_answer([whole, whole])
-    assert (
-        combined_answer([whole, {"solutions": [], "deterministic": False}])["deterministic"]
-        is False
-    )
-    assert combined_answer([refused, whole])["deterministic"] is False
 
 
 # -------------------------------------------------------------------------------- collisions

@@ -16,7 +16,7 @@ from armwright_wire.motions.simulation import (
     SimulateRequest,
 )
 from dynamics.terms import mass_matrix
-from kinematics.errors import ArmwrightError, InvalidOption, InvalidRobotState
+from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from service.endpoints.simulate.translation import (
@@ -96,14 +96,6 @@ def test_gains_are_given_whole_or_placed_but_not_both(name: str) -> None:
         assert no.value.details["gains"] == [first, second]
 
 
-def test_computed_torque_has_the_poles_that_were_asked_for() -> None:
-    used = made(type="computed_torque", natural_frequency=[4.0, 5.0], damping=0.7)
-    for j, w in enumerate((4.0, 5.0)):
-        roots = np.roots([1.0, used.Kd[j], used.Kp[j]])
-        np.testing.assert_allclose(np.abs(roots), w)
-        np.testing.assert_allclose(-roots.real / np.abs(roots), 0.7)
-
-
 def test_gravity_compensation_is_placed_with_the_inertia_at_the_start() -> None:
     used = made(type="pd_gravity", natural_frequency=3.0, damping=2.0)
     np.testing.assert_allclose(np.diag(used.Kp), 9.0 * inertia_felt(), rtol=1e-9)
@@ -140,13 +132,6 @@ def test_the_inertia_of_an_independent_joint_comes_from_the_request_the_motors_o
 
 
 # ------------------------------------------------------------------------------ model errors
-
-
-def test_a_mass_scale_makes_the_model_heavier_and_not_the_robot() -> None:
-    robot, model = robot_and_model(CHAIN, request(model_error={"mass_scale": 1.2}))
-    assert robot is CHAIN
-    q = np.array([0.2, 0.7])
-    np.testing.assert_allclose(mass_matrix(model, q), 1.2 * mass_matrix(CHAIN, q), rtol=1e-12)
 
 
 def test_a_payload_is_carried_by_the_robot_and_unknown_to_the_model() -> None:
@@ -194,12 +179,6 @@ def test_a_run_begins_where_the_trajectory_does_unless_it_is_told_otherwise() ->
     ):
         state = initial_state(InitialState.model_validate(fields), CHAIN, MOTION)
         np.testing.assert_allclose(np.array(state), [q, qd], rtol=1e-14)
-
-
-@pytest.mark.parametrize("name", ["joints", "velocities", "offset", "velocity_offset"])
-def test_an_initial_state_of_another_length_is_named(name: str) -> None:
-    with pytest.raises(InvalidRobotState, match=f"initial_state.{name}"):
-        initial_state(InitialState.model_validate({name: [0.1]}), CHAIN, MOTION)
 
 
 def test_a_disturbance_lasts_for_ever_unless_it_ends() -> None:

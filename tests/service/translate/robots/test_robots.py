@@ -1,6 +1,5 @@
 """Robots from the wire and back: tables, descriptions, limits, solids, and what is odd."""
 
-import base64
 from typing import Any
 
 import numpy as np
@@ -37,16 +36,6 @@ def test_limits_of_joints_replace_those_of_the_rows() -> None:
     assert refused.value.hint == "Its joints are: joint_1, joint_2."
 
 
-def test_a_limit_that_plans_need_is_missed_in_words() -> None:
-    unknown = {key: value for key, value in ROW.items() if key != "acceleration"}
-    _, lint = robot(table(ROW, unknown))
-    assert any("no acceleration limit is known for joint_2:" in line for line in lint)
-    assert not any("velocity limit" in line for line in lint)
-    assert robot(table(ROW))[1] == [] or not any(
-        "limit is known" in s for s in robot(table(ROW))[1]
-    )
-
-
 def test_links_of_a_table_have_their_own_names() -> None:
     with pytest.raises(InvalidRobotDescription, match="the base of a DH table is"):
         robot(table(ROW, base_link="floor"))
@@ -56,20 +45,6 @@ def test_links_of_a_table_have_their_own_names() -> None:
     assert robot(table(ROW, SLIDE, tip_link=first))[0].chain.tip_link == first
     with pytest.raises(ArmwrightError, match="nowhere"):
         robot(table(ROW, tip_link="nowhere"))
-
-
-def test_solids_of_rows_and_capsules_of_all_links() -> None:
-    ball = {"shape": {"type": "sphere", "radius": 0.1}, "pose": {"position": [0.0, 0.0, 0.05]}}
-    assert robot(table(ROW))[0].pieces == ()
-    with_ball = robot(table(ROW | {"geometry": [ball]}))[0]
-    (piece,) = with_ball.pieces
-    assert piece.bounding_sphere()[1] == pytest.approx(0.1)
-    capsules = robot(table(ROW, SLIDE, dh_geometry={"capsules": 0.05}))[0]
-    assert len(capsules.pieces) >= 2
-    empty = {"type": "mesh", "stl_base64": base64.b64encode(b"solid nothing").decode()}
-    wrong = ROW | {"geometry": [ball, {"shape": empty}]}
-    with pytest.raises(InvalidRobotDescription, match=r"dh\.rows\[1\]\.geometry\[1\]"):
-        robot(table(ROW, wrong))
 
 
 # ------------------------------------------------------------------------------ descriptions
