@@ -12,7 +12,7 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
-from planning.constrained.ik import goal_configurations, pose_constraint
+from planning.constrained.ik import goal_configurations
 from planning.constrained.path_constraints import (
     Relaxation,
     apply_path_constraints,
@@ -242,25 +242,11 @@ def test_the_constraint_that_bars_the_way_is_named_with_what_it_lacks() -> None:
     assert "Without the obstacles there is a way." in answer.sentence
 
 
-def test_a_constraint_that_the_start_violates_lacks_exactly_that() -> None:
-    answer = relaxation(Scene(), JointConstraint("jy", 0.3, 0.1, 0.1), WIDE)
-    assert answer.constraints == (0,)
-    assert answer.wider[0] == pytest.approx(0.2)
-    assert answer.without_obstacles is None
-
-
 def test_it_says_where_obstacles_are_not_to_blame() -> None:
     answer = relaxation(WALL, JointConstraint("jy", 0.6, 0.1, 0.1), WIDE, seconds=2.0)
     assert answer.constraints == (0,)
     assert answer.without_obstacles is False
     assert "Without the obstacles no way was found either." in answer.sentence
-
-
-def test_where_no_constraint_helps_it_says_so() -> None:
-    shut = Scene((box("wall", (0.1, 3.0, 0.4), (0.0, 0.0, 0.0)),))
-    answer = relaxation(shut, BAND, WIDE, seconds=0.4)
-    assert answer.constraints == ()
-    assert "did not help" in answer.sentence
 
 
 TURN = 0.05
@@ -311,30 +297,6 @@ def test_a_branch_that_the_start_is_not_in_keeps_no_pose_from_being_reached() ->
         assert answer.certificate.path_constraint_residual == 0.0
 
 
-def test_a_pose_that_most_configurations_collide_in_has_others() -> None:
-    # Posts to both sides of the elbow leave few of the arm's configurations of this pose.
-    T = forward(ROBOT.chain, HOME)
-    goal = T.copy()
-    goal[:3, 3] += [0.1, 0.0, -0.2]
-    rng = np.random.default_rng(3)
-    found = 0
-    for _ in range(6):
-        turns, away = rng.uniform(0.0, 2.0 * np.pi, 4), rng.uniform(0.2, 0.4, 4)
-        posts = [
-            box(f"post{i}", (0.04, 0.04, 1.6), (r * np.cos(t), r * np.sin(t), 0.8))
-            for i, (t, r) in enumerate(zip(turns, away, strict=True))
-        ]
-        scene = Scene(tuple(posts))
-        pose = PoseGoal(goal)
-        problem = Problem(ROBOT, scene, HOME, (pose,))
-        for solution in goal_configurations(problem, pose, HOME, 0):
-            found += 1
-            q = np.array(solution.joints)
-            assert Checker.of(ROBOT, scene, 0.0).valid(q)
-            np.testing.assert_allclose(forward(ROBOT.chain, q), goal, atol=1e-3)
-    assert found >= 1
-
-
 T = forward(ROBOT.chain, HOME)
 GOAL_REGION_GOAL = PoseGoal(T, position_tolerance=2e-3, orientation_tolerance=5e-3)
 
@@ -343,16 +305,6 @@ def errors(q: np.ndarray) -> tuple[float, float]:
     M = ORACLE.pose(q)
     turn = pin.log3(T[:3, :3].T @ M[:3, :3])
     return float(np.linalg.norm(M[:3, 3] - T[:3, 3])), float(np.linalg.norm(turn))
-
-
-def test_the_constraint_is_the_largest_box_inside_the_tolerances() -> None:
-    rows = pose_constraint(GOAL_REGION_GOAL).rows(ROBOT.chain)
-    widths = {"m": 0.0, "rad": 0.0}
-    for row in rows:
-        half = 0.5 * row.width if np.isfinite(row.lower) else row.width
-        widths[row.unit] += half**2
-    assert 0.998 * 2e-3 <= np.sqrt(widths["m"]) < 2e-3
-    assert 0.998 * 5e-3 <= np.sqrt(widths["rad"]) < 5e-3
 
 
 def test_configurations_are_at_the_pose_hold_constraints_and_keep_clear() -> None:

@@ -23,7 +23,6 @@ from planning.constraints.kinds.constraint import (
     ClearanceConstraint,
     ConeConstraint,
     JointConstraint,
-    LookAtConstraint,
     PositionConstraint,
     RelativePoseConstraint,
     SphereRegion,
@@ -75,26 +74,6 @@ def test_upright_at_a_place() -> None:
         assert (found[0].residuals <= 1e-6).all()
         limits = CHAIN.limits
         assert ((found[0].joints >= limits.lower) & (found[0].joints <= limits.upper)).all()
-
-
-def test_looking_at_a_target() -> None:
-    for q in draws(1, 20):
-        T = ORACLE.pose(q)
-        target = T[:3, 3] + 0.5 * T[:3, 2]
-        wanted = ConstraintSet(
-            CHAIN,
-            (
-                LookAtConstraint([0.0, 0.0, 1.0], target, 0.02),
-                PositionConstraint(BoxRegion(T, np.full(3, 0.05))),
-            ),
-        )
-        found = constrained_ik(ROBOT, wanted).solutions
-        assert found
-        got = ORACLE.pose(found[0].joints)
-        sight = target - got[:3, 3]
-        cosine = got[:3, 2] @ sight / np.linalg.norm(sight)
-        assert np.arccos(np.clip(cosine, -1.0, 1.0)) <= 0.02 + 1e-6
-        assert (np.abs(T[:3, :3].T @ (got[:3, 3] - T[:3, 3])) <= 0.025 + 1e-6).all()
 
 
 def by_slsqp(wanted: ConstraintSet, posture: Array, start: Array) -> tuple[float, Array]:
