@@ -161,15 +161,22 @@ class RobotEndpoints:
 
     @Endpoint
     def geometry(
-        self, name: str, kind: Literal["collision", "visual"] = "collision"
+        self,
+        name: str,
+        kind: Literal["collision", "visual"] = "collision",
+        *,
+        tool: str | None = None,
     ) -> Call[GeometryAnswer]:
         """The geometry of a robot as triangles, in the frames of its links.
 
         Args:
             name: The robot.
             kind: "visual" for what it looks like, which no proof is about.
+            tool: Built-in or stored tool that is mounted, and drawn too.
         """
-        query = {} if kind == "collision" else {"kind": kind}
+        query: dict[str, str] = {} if kind == "collision" else {"kind": kind}
+        if tool is not None:
+            query["tool"] = tool
         return Call("GET", path("robots", name, "geometry"), GeometryAnswer.read, query=query)
 
     @Endpoint

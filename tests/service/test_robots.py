@@ -346,3 +346,17 @@ def test_an_arm_with_capsules_goes_around_what_it_would_drive_through(
     assert verdicts["collisions"][0][0]["pair"] == ["link_2", "ball"]
     # The ball's centre lies on the axis of a capsule: the way out is the sum of both radii.
     assert verdicts["collisions"][0][0]["depth"] == pytest.approx(0.15, abs=1e-6)
+
+
+def test_a_tool_is_drawn_with_the_robot_that_it_is_mounted_on(client: httpx.Client) -> None:
+    where = "/v1/robots/ur5e/geometry"
+    for kind in ("collision", "visual"):
+        alone = answer(client.get(where, params={"kind": kind}))["bodies"]
+        both = answer(client.get(where, params={"kind": kind, "tool": "parallel_jaw"}))["bodies"]
+        assert both[: len(alone)] == alone
+        more = {item["link"] for item in both[len(alone) :]}
+        assert more == {"parallel_jaw", "parallel_jaw/left", "parallel_jaw/right"}
+    asked = {"joints": [0.0] * 6, "tool": "parallel_jaw"}
+    links = answer(client.post("/v1/robots/ur5e/fk", json=asked))["links"]
+    assert {item["frame"] for item in both} <= set(links)
+    problem(client.get(where, params={"tool": "gone"}), 404, "NOT_FOUND")

@@ -146,6 +146,9 @@ async def get_geometry(
         GeometryKind,
         Query(description="visual: what the robot looks like, which no proof is about"),
     ] = "collision",
+    tool: Annotated[
+        str | None, Query(description="built-in or stored tool that is mounted, and drawn too")
+    ] = None,
 ) -> Response:
     """The surfaces of all links as triangles, in the frames that forward kinematics answers.
 
@@ -153,7 +156,10 @@ async def get_geometry(
     visual ones are thinned out.
     """
     content = await answers.answer(
-        request, lambda robot, _: robot_geometry.job(robot, name, kind), name
+        request,
+        lambda robot, _: robot_geometry.job(robot, name, kind),
+        name,
+        asked={} if tool is None else {"tool": tool},
     )
     return Response(content, media_type="application/json")
 
