@@ -262,7 +262,8 @@ def attempt(state: StudioState, action: Callable[[], Outcome]) -> Outcome:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(step) for step in first["loc"])
-        return Failure(state, "A setting is out of its range", f"{where}: {first['msg']}")
+        title = "A field is missing or out of its range"
+        return Failure(state, title, f"{where}: {first['msg']}")
     except ValueError as error:
         return Failure(state, "Something is missing", str(error))
     except ArmwrightError as error:

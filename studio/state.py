@@ -15,9 +15,23 @@ from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 from platformdirs import user_data_path
 from pydantic import BaseModel, ValidationError
 
-from armwright_client import Certificate, FramedPose, Obstacle, Plan, Pose, TaskPlan, Tour
+from armwright_client import (
+    Certificate,
+    FramedPose,
+    Obstacle,
+    Plan,
+    Pose,
+    TaskPlan,
+    TaskStageReport,
+    Tour,
+)
 from armwright_wire.plans.job import Problem
-from service.viewer.words import against, certificate_sentences, problem_sentences
+from service.viewer.words import (
+    against,
+    certificate_sentences,
+    problem_sentences,
+    stage_label,
+)
 
 #: Entries in order; each has a field that names its kind.
 Entries: TypeAlias = tuple[Mapping[str, Any], ...]
@@ -256,9 +270,30 @@ def _frozen(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
+#: Hashes in sentences: the page of the plan has them.
+_HASH = re.compile(r" \(hash \w+\)")
 A = TypeVar("A", Plan, TaskPlan, Tour)
 #: Two bodies in a sentence: 'hand' and 'table' overlap.
 _PAIR = re.compile(r"'([^']+)' and '([^']+)'")
+
+
+#: Words of the API in a hint, which say nothing to whoever sees the form.
+_OF_API = re.compile(r"`|/v1/|details|\w_\w")
+#: Hints in words of the form, by the code of the problem.
+_HINTS = {
+    "START_STATE_IN_COLLISION": "Move the start (tab Robot), or what is marked (tab Scene).",
+    "GOAL_IN_COLLISION": "Move the goal or what is marked, or lower the margin (Settings).",
+    "START_STATE_INVALID": "Bring the joint that is named inside its limits (tab Robot).",
+    "GOAL_STATE_INVALID": "Bring the joint that is named inside its limits (tab Goal).",
+    "NO_IK_SOLUTION": "Move or turn the goal: tab Goal says why each branch is rejected.",
+    "PLANNING_FAILED": "Move what is in the way, or change planner, margin or timeout (Settings).",
+    "TIMED_OUT": "Raise the timeout (Settings), or make it easier: fewer stages, more space.",
+    "INVALID_LINK_NAME": "Name a link of the robot, as the obstacles' field 'Carried by' has them.",
+    "INVALID_OBJECT_NAME": "Name an obstacle as the tab Scene lists it.",
+    "MISSING_LIMIT": "Add the limit to the URDF, and upload it again (tab Robot).",
+    "VALIDATION_ERROR": "Correct the field that is named.",
+    "INVALID_ROBOT_DESCRIPTION": "Correct the file, or name the tip link of an arm (tab Robot).",
+}
 
 
 class Verdict(StrEnum):
@@ -300,6 +335,18 @@ class Branch(NamedTuple):
     def label(self) -> str:
         """Number and verdict, short."""
         return f"{self.number} {SIGNS[self.verdict]}"
+
+
+def labels(group: Sequence[Branch]) -> str:
+    """Numbers of branches by their verdict: "0, 2 ✓; 1 ✗ collides".
+
+    Args:
+        group: Branches that one label stands for.
+    """
+    signs: dict[str, list[str]] = {}
+    for branch in group:
+        signs.setdefault(SIGNS[branch.verdict], []).append(str(branch.number))
+    return "; ".join(f"{', '.join(numbers)} {sign}" for sign, numbers in signs.items())
 
 
 def branches(solutions: Sequence[Mapping[str, Any]]) -> tuple[Branch, ...]:
@@ -376,17 +423,17 @@ class TaskPlanned(_Kept[TaskPlan]):
 
     @property
     def sentences(self) -> list[str]:
-        """Each stage with its duration, what is held in it, and whether it is proved."""
-        return [self._sentence(number) for number in range(len(self.plan.stages))]
+        """What is proved of which stages, and each with its duration and what is held in it."""
+        stages = self.plan.stages
+        proved = _proofs({str(stage.index): stage.certificate for stage in stages}, "stage")
+        return [*proved, *map(self._sentence, stages)]
 
-    def _sentence(self, number: int) -> str:
-        stage = self.plan.stages[number]
-        name = stage.kind if stage.name is None else f"{stage.name} ({stage.kind})"
+    def _sentence(self, stage: TaskStageReport) -> str:
+        name = stage_label(stage.model_dump(include={"index", "name", "kind"}))
         chosen = "" if stage.choice is None else f", choice {stage.choice}"
         held = ", ".join(item.id for item in stage.after.attached)
-        proof = _proof(stage.certificate)
         holds = f", holds {held}" if held else ""
-        return f"{stage.index}: {name}{chosen}: {stage.trajectory.duration:.2f} s, {proof}{holds}"
+        return f"{name}{chosen}: {stage.trajectory.duration:.2f} s{holds}"
 
 
 class TourPlanned(_Kept[Tour]):
@@ -405,10 +452,10 @@ class TourPlanned(_Kept[Tour]):
         plan = self.plan
         gap = "" if plan.gap is None else f"; at most {100.0 * plan.gap:.1f} % longer than needed"
         lines = [f"Order: {', '.join(plan.order)}{gap}"]
+        lines += _proofs({str(i): leg.certificate for i, leg in enumerate(plan.legs)}, "leg")
         for number, leg in enumerate(plan.legs):
-            proof = _proof(leg.certificate)
             ends = f"{leg.origin or 'start'} to {leg.target or 'end'}"
-            lines.append(f"{number}: {ends}: {leg.trajectory.duration:.2f} s, {proof}")
+            lines.append(f"{number}: {ends}: {leg.trajectory.duration:.2f} s")
         return [*lines, *(f"Left out: {one.id}, {one.message}" for one in plan.unvisited)]
 
 
@@ -461,7 +508,7 @@ def failure(state: StudioState, problem: Problem) -> Failure:
         state,
         problem.title,
         problem.detail,
-        problem.hint or "",
+        form_hint(problem),
         problem_sentences(problem.model_dump(mode="json")),
         None if pair is None else (str(pair[0]), str(pair[1])),
         candidates,
@@ -471,9 +518,31 @@ def failure(state: StudioState, problem: Problem) -> Failure:
     )
 
 
-def _proof(certificate: Certificate) -> str:
-    proof = "proved" if certificate.verified else "not proved"
-    return f"{proof} {against(certificate.model_dump(mode='json'))}"
+def form_hint(problem: Problem) -> str:
+    """The hint of a problem in words of the form; empty where it is about the API alone.
+
+    Args:
+        problem: Problem of the service.
+    """
+    hint = problem.hint or ""
+    return _HINTS.get(problem.code, "") if _OF_API.search(hint) else hint
+
+
+def _proofs(certificates: Mapping[str, Certificate], word: str) -> list[str]:
+    """What is proved of which parts of a plan, once for all of which the same is.
+
+    Args:
+        certificates: Certificate of each part, by its number.
+        word: A part in a word: "stage".
+    """
+    found: dict[str, list[str]] = {}
+    for number, certificate in certificates.items():
+        proof = "proved" if certificate.verified else "NOT proved"
+        premises = _HASH.sub("", against(certificate.model_dump(mode="json")))
+        found.setdefault(f"{proof} {premises}", []).append(number)
+    if len(found) == 1:
+        return [f"Every {word} is {text}." for text in found]
+    return [f"Of {word}s {', '.join(numbers)}: {text}." for text, numbers in found.items()]
 
 
 def _shown(

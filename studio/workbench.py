@@ -106,6 +106,11 @@ class Workbench:
         """The present state."""
         return self.history.present
 
+    @property
+    def is_outdated(self) -> bool:
+        """Whether the latest outcome is that of another state than the present one."""
+        return self.outcome is not None and self.outcome.state != self.state
+
     # ------------------------------------------------------------------------------- robots
 
     def robot_names(self) -> list[str]:
@@ -166,12 +171,12 @@ class Workbench:
         self._change(replace(self.state, tool=tool, goal_pose=None))
 
     def geometry(self, kind: Literal["collision", "visual"] = "collision") -> GeometryAnswer:
-        """The robot's collision geometry, or what it looks like.
+        """The collision geometry of robot and tool, or what they look like.
 
         Args:
             kind: Kind of geometry.
         """
-        return self.client.robots.geometry(self.state.robot, kind)
+        return self.client.robots.geometry(self.state.robot, kind, tool=self.state.tool)
 
     def link_poses(self, joints: Sequence[float]) -> dict[str, Pose]:
         """Poses of all links at a configuration, in the root frame; fingers as at the start.

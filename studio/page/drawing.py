@@ -26,7 +26,7 @@ from armwright_wire.scenes.scene import Capsule, Cone
 from studio.motion_frames import LinkPoses, link_poses
 from studio.pose import pose_of, wxyz
 from studio.requests import corner, with_corner
-from studio.state import Branch, Verdict
+from studio.state import Branch, Verdict, labels
 
 #: Of bodies that collide: dark orange, told apart from blue and grey by everybody.
 HIT_COLOR = (213, 94, 0)
@@ -44,6 +44,8 @@ _COLOR = (140, 150, 160)
 _HELD_COLOR = (230, 159, 0)
 #: A half-space is drawn as a plate of this size and thickness [m].
 _GROUND, _PLATE = 3.0, 0.002
+#: Labels nearer than this are one; others side by side are set above each other by a line [m].
+_NEAR, WIDE, LINE = 0.12, 0.3, 0.07
 #: Length of the handles [m].
 _HANDLE = 0.18
 _CORNER = 0.1
@@ -116,15 +118,17 @@ class RobotDrawing:
         looks: Sequence[Surface] = (),
     ) -> None:
         self._root = scene.add_frame(name, show_axes=False)
+        # By numbers: a name with a slash, as of a tool's jaw, would be the child of another frame.
+        frames = {body.frame: None for body in (*bodies, *looks)}
         self._frames = {
-            frame: scene.add_frame(f"{name}/{frame}", show_axes=False)
-            for frame in {body.frame for body in (*bodies, *looks)}
+            frame: scene.add_frame(f"{name}/{number}", show_axes=False)
+            for number, frame in enumerate(frames)
         }
         self._meshes = []
         for kind, surfaces_ in (("solid", bodies), ("look", looks)):
             for number, body in enumerate(surfaces_):
                 mesh = scene.add_mesh_simple(
-                    f"{name}/{body.frame}/{kind}_{number}",
+                    f"{self._frames[body.frame].name}/{kind}_{number}",
                     body.vertices,
                     body.faces,
                     color=body.color or color,
@@ -226,13 +230,11 @@ class GhostDrawing:
                     side="double",
                 )
             )
-        elbows = arrays[self._label_link(arrays)].positions
-        for branch, position in zip(branches, elbows, strict=True):
-            self._nodes.append(
-                self._scene.add_label(
-                    f"/ghosts/label_{branch.number}", branch.label, position=position
-                )
-            )
+        places = arrays[self._label_link(arrays)].positions
+        for members, place in label_places(places):
+            text = labels([branches[i] for i in members])
+            name = f"/ghosts/label_{members[0]}"
+            self._nodes.append(self._scene.add_label(name, text, position=place))
 
     def clear(self) -> None:
         """Remove all ghosts."""
@@ -247,6 +249,34 @@ class GhostDrawing:
             key=lambda name: float(np.ptp(arrays[name].positions, axis=0).sum()),
             default=self._tip,
         )
+
+
+def label_places(
+    places: NDArray[np.float64],
+) -> list[tuple[list[int], NDArray[np.float64]]]:
+    """Numbers that share a label and its place, so that no label covers another.
+
+    Args:
+        places: Places that are labelled, shape (m, 3) [m].
+    """
+    groups: list[list[int]] = []
+    for number, place in enumerate(places):
+        near = (group for group in groups if np.linalg.norm(place - places[group[0]]) < _NEAR)
+        group = next(near, None)
+        if group is None:
+            groups.append([number])
+        else:
+            group.append(number)
+    found: list[tuple[list[int], NDArray[np.float64]]] = []
+    middles = [places[group].mean(axis=0) for group in groups]
+    for k in np.argsort([middle[2] for middle in middles]):
+        place = middles[k]
+        for _, below in found:  # from the lowest on
+            if np.linalg.norm(place[:2] - below[:2]) < WIDE and place[2] < below[2] + LINE:
+                place[2] = below[2] + LINE
+        found.append((groups[k], place))
+        found.sort(key=lambda item: float(item[1][2]))
+    return found
 
 
 class ObstacleDrawing:

@@ -214,9 +214,10 @@ def value_of(field: FormField, text: str) -> Any:
     read: dict[str, Callable[[str], Any]] = {"integer": int, "number": float, "json": json.loads}
     try:
         return read[field.kind](text)
-    except ValueError as error:
-        wanted = {"integer": "a whole number", "number": "a number"}.get(field.kind, "JSON")
-        raise ValueError(f"{field.path}: {text!r} is not {wanted} ({error})") from None
+    except ValueError:
+        wanted = {"integer": "a whole number", "number": "a number"}
+        other = 'JSON: [0.05, 0.1], true, "name", or {"x": 1}'
+        raise ValueError(f"{field.path}: {text!r} is not {wanted.get(field.kind, other)}") from None
 
 
 class FieldsPanel:

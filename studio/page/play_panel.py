@@ -1,6 +1,7 @@
 """Panel of the motion: play, pause, a time slider, exports, and the code that does the same."""
 
 import itertools
+import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -13,7 +14,7 @@ from viser import uplot
 
 from armwright_wire.motions.export import Format as ExportFormat
 from studio.motion_frames import MotionFrames
-from studio.page.panel import Page, Text, on_user_update, put_value
+from studio.page.panel import Page, on_user_update, put_value
 
 #: Frames shown each second while a motion plays.
 _RATE = 30.0
@@ -51,23 +52,26 @@ class PlayPanel:
         self._playing = threading.Event()
         self._closed = False
         gui = page.server.gui
-        self._button = gui.add_button("Play", disabled=True)
+        self._button = gui.add_button("Play", disabled=True, hint="What was planned last.")
         self._button.on_click(lambda _: self._toggle())
         self._slider = gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0, disabled=True)
-        self._label = Text(gui, "No motion yet.")
         on_user_update(self._slider, self._seek)
+        self._plot: viser.GuiUplotHandle | None = None
+        self._path: viser.LineSegmentsHandle | None = None
+        self._thread = threading.Thread(target=self._run, name="studio clock", daemon=True)
+        self._thread.start()
+
+    def add_curves(self) -> None:
+        """Add curves, speed and export where the page is being filled."""
+        gui = self._page.server.gui
         self._curve = gui.add_dropdown("Curves", [*CURVES], initial_value=_FIRST)
         on_user_update(self._curve, lambda _: self._show_curves())
-        self._plot: viser.GuiUplotHandle | None = None
         self._plotted = gui.add_folder(None, visible=False)
-        self._path: viser.LineSegmentsHandle | None = None
         with gui.add_folder("Speed and export", expand_by_default=False):
             self._speed = gui.add_slider("Speed", 0.1, 2.0, 0.1, 1.0)
             file_format = gui.add_dropdown("Format", list(get_args(ExportFormat)))
             export = gui.add_button("Export the motion")
             export.on_click(lambda event: self._export(event.client, file_format.value))
-        self._thread = threading.Thread(target=self._run, name="studio clock", daemon=True)
-        self._thread.start()
 
     def load(self, frames: MotionFrames | None) -> None:
         """Show a motion from its beginning, or none.
@@ -81,12 +85,10 @@ class PlayPanel:
         self._button.disabled = self._slider.disabled = frames is None
         self._show_curves()
         self._draw_path()
-        if frames is None:
-            self._label.show("No motion.")
-            return
-        self._slider.max = float(frames.times[-1])
-        put_value(self._slider, 0.0)
-        self._draw(0.0)
+        if frames is not None:
+            self._slider.max = math.ceil(1e3 * float(frames.times[-1])) / 1e3
+            put_value(self._slider, 0.0)
+            self._draw(0.0)
 
     def _show_curves(self) -> None:
         """Draw the curves that are chosen, of all joints or of the tool."""
@@ -104,7 +106,10 @@ class PlayPanel:
             series.append(uplot.Series(label=name, stroke=color, width=1.5))
         with self._plotted:
             self._plot = self._page.server.gui.add_uplot(
-                (frames.times, *rows), tuple(series), height=_PLOT_HEIGHT
+                (frames.times, *rows),
+                tuple(series),
+                scales={"x": uplot.Scale(time=False)},  # else of 1970
+                height=_PLOT_HEIGHT,
             )
 
     def _draw_path(self) -> None:
@@ -144,11 +149,8 @@ class PlayPanel:
         self._draw(float(value))
 
     def _draw(self, seconds: float) -> None:
-        frames = self._frames
-        if frames is None:
-            return
-        self._label.show(f"{seconds:.2f} of {frames.times[-1]:.2f} s")
-        self._show(frames, frames.at(seconds))
+        if self._frames is not None:
+            self._show(self._frames, self._frames.at(seconds))
 
     def _run(self) -> None:
         before = time.monotonic()

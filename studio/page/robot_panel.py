@@ -6,8 +6,9 @@ Fields for numbers of the browser turn a half-typed "-0" into 0 and cut digits t
 """
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -18,11 +19,15 @@ from studio.page.panel import Page, Text, on_user_update, put_value
 from studio.pose import pose_of, roll_pitch_yaw, wxyz
 from studio.state import Branch
 
-Quantity = Literal["length", "angle"]
+Quantity = Literal["length", "angle", "either"]
 #: Units of each choice, with how many of them a metre or a radian has.
 UNITS: dict[str, dict[Quantity, tuple[str, float]]] = {
-    "m, rad": {"length": ("m", 1.0), "angle": ("rad", 1.0)},
-    "mm, degrees": {"length": ("mm", 1e3), "angle": ("°", 180.0 / math.pi)},
+    "m, rad": {"length": ("m", 1.0), "angle": ("rad", 1.0), "either": ("rad or m", 1.0)},
+    "mm, degrees": {
+        "length": ("mm", 1e3),
+        "angle": ("°", 180.0 / math.pi),
+        "either": ("rad or m", 1.0),
+    },
 }
 #: Shown digits: more than a drag or a person means, fewer than rounding shows.
 _DIGITS = 10
@@ -315,6 +320,8 @@ class RobotPanel:
         )
         on_user_update(self._looks, lambda on: page.queue.put("looks", lambda: page.show_looks(on)))
         self._facts = Text(gui)
+        with gui.add_folder("Notes on the description", expand_by_default=False) as self._notes:
+            self._lint = Text(gui)
 
     def offer_looks(self, known: bool) -> bool:
         """Whether the robot is to be drawn by its visual meshes.
@@ -334,11 +341,13 @@ class RobotPanel:
             self._tool.options = tools
         put_value(self._tool, workbench.state.tool or NO_TOOL)
         self._facts.show(facts(workbench.model))
+        lint = notes(workbench.model)
+        self._notes.visible = bool(lint)
+        self._lint.show(lint)
 
     def _mount(self, name: str) -> None:
         self._page.workbench.mount(None if name == NO_TOOL else name)
-        self._page.workbench.solve_goal()
-        self._page.refresh()
+        self._page.rebuild()
 
     def _upload(self, name: str, content: bytes) -> None:
         workbench = self._page.workbench
@@ -357,7 +366,7 @@ class Sliders:
         read: Answers the present positions by joint [rad or m].
         move: Called with a joint that a person moved, and its new position.
         states: Named configurations.
-        take: Called with the name of one that was chosen.
+        take: Called with all positions that were typed, or of a named configuration.
     """
 
     def __init__(
@@ -367,16 +376,24 @@ class Sliders:
         ranges: Mapping[str, tuple[float, float]],
         read: Callable[[], Mapping[str, float]],
         move: Callable[[str, float], None],
-        states: Collection[str] = (),
-        take: Callable[[str], None] | None = None,
+        states: Mapping[str, Sequence[float]] = MappingProxyType({}),
+        take: Callable[[list[float]], None] | None = None,
     ) -> None:
         self._read = read
         gui = page.server.gui
         self._folder = gui.add_folder(title, visible=bool(ranges))
         self._sliders: dict[str, viser.GuiSliderHandle[float]] = {}
+        self._all: NumbersField | None = None
         with self._folder:
             if take is not None and states:
-                on_user_update(gui.add_dropdown("Named state", ["–", *states]), take)
+                named = gui.add_dropdown("Named state", ["–", *states])
+                on_user_update(named, lambda name: take([*states.get(name, read().values())]))
+            if take is not None:
+                # Sliders cut what is typed to their steps.
+                types = set(page.workbench.model.joint_types)
+                quantity: Quantity = "either" if "prismatic" in types else "angle"
+                values = [*read().values()]
+                self._all = NumbersField(gui, "All", page.units, quantity, values, take)
             for name, (low, high) in ranges.items():
                 slider = gui.add_slider(name, low, high, (high - low) / _STEPS or 1.0, low)
                 on_user_update(slider, partial(move, name))
@@ -386,11 +403,15 @@ class Sliders:
     def refresh(self) -> None:
         """Show the present positions."""
         values = self._read()
+        if self._all is not None:
+            self._all.show([*values.values()])
         for name, slider in self._sliders.items():
             put_value(slider, min(max(values[name], slider.min), slider.max))
 
     def remove(self) -> None:
         """Take the sliders from the page."""
+        if self._all is not None:
+            self._all.remove()
         self._folder.remove()
 
 
@@ -423,13 +444,9 @@ def joint_sliders(page: Page, which: str) -> Sliders:
     def move(name: str, value: float) -> None:
         set_joints([*(read() | {name: float(value)}).values()], f"{which} {name}")
 
-    def take(name: str) -> None:
-        if name in states:
-            set_joints(states[name], None)
-
     title = f"{which.capitalize()} joints [rad or m]"
     ranges = dict(zip(names, workbench.joint_ranges(), strict=True))
-    return Sliders(page, title, ranges, read, move, states, take)
+    return Sliders(page, title, ranges, read, move, states, lambda q: set_joints(q, None))
 
 
 def finger_sliders(page: Page) -> Sliders:
@@ -462,7 +479,7 @@ def finger_sliders(page: Page) -> Sliders:
 
 
 def facts(model: Robot) -> str:
-    """Joints, missing limits, suspected pairs and lint of a robot, in Markdown.
+    """Joints and missing limits of a robot, in Markdown.
 
     Args:
         model: Model of the robot.
@@ -477,11 +494,17 @@ def facts(model: Robot) -> str:
             lines.append(f"- No {quantity} limit: {', '.join(missing)}")
     if model.default_limits is not None and model.default_limits.acceleration is not None:
         lines.append(f"- Missing acceleration limits: {model.default_limits.acceleration}")
-    lines += [f"- {text}" for text in model.lint]
-    lines += [
-        f"- {' and '.join(item.pair)} touch: {item.reason}" for item in model.suspected_collisions
-    ]
     return "\n".join([lines[0], "", *lines[1:]])
+
+
+def notes(model: Robot) -> str:
+    """Lint and suspected pairs of a robot, in Markdown.
+
+    Args:
+        model: Model of the robot.
+    """
+    pairs = (f"{' and '.join(one.pair)} touch: {one.reason}" for one in model.suspected_collisions)
+    return "\n".join(f"- {text}" for text in (*model.lint, *pairs))
 
 
 def _choose(page: Page, name: str) -> None:

@@ -20,6 +20,7 @@ from studio.code import all_code
 from studio.motion_frames import MotionFrames, motion_frames, task_frames, tour_frames
 from studio.page.drawing import GhostDrawing, PairDrawing, RobotDrawing, surfaces
 from studio.page.panel import CommandQueue, Text
+from studio.page.play_panel import PlayPanel
 from studio.page.robot_panel import (
     GoalPanel,
     RobotPanel,
@@ -36,6 +37,7 @@ from studio.state import (
     Planned,
     TaskPlanned,
     TourPlanned,
+    form_hint,
     load_session,
     save_session,
     session_file,
@@ -112,8 +114,9 @@ _PINNED_COLOR = (204, 121, 167)
 #: Messages leave after this time [s].
 _TOLD = 12.0
 #: Where the camera begins [m].
-CAMERA = (1.0, -1.2, 0.9)
-LOOK_AT = (0.2, 0.0, 0.4)
+CAMERA = (1.15, -1.25, 1.0)
+#: Right of most arms, which the panel would cover else [m].
+LOOK_AT = (0.45, 0.25, 0.4)
 
 
 class StudioPage:
@@ -137,14 +140,16 @@ class StudioPage:
         self._pinned_frames: MotionFrames | None = None
         self._ghosts: GhostDrawing
         self._sliders: list[Sliders] = []
+        self._drawn: tuple[str, str | None]
+        self._is_marked = False
         self._pair = PairDrawing(server.scene)
         self._set_up_scene()
         gui = server.gui
         self.units = Units(gui)
+        self._play = PlayPanel(self, self._show_frame)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Plan"):
-            self._plan = PlanPanel(self, self._show_frame)
-            self._play = self._plan.play
+            self._plan = PlanPanel(self, self._play)
         with tabs.add_tab("Goal"):
             self._goal = GoalPanel(self)
             self._goal_sliders = gui.add_folder(None)
@@ -169,11 +174,12 @@ class StudioPage:
         self.server.stop()
 
     def rebuild(self) -> None:
-        """Make robot, sliders and ghosts anew for the present robot."""
+        """Make robot, sliders and ghosts anew for the present robot and tool."""
         if self._sliders:  # else it is the first robot
             self._robot.remove()
             self._pinned_robot.remove()
             self._ghosts.clear()
+        self._drawn = self.workbench.state.robot, self.workbench.state.tool
         bodies = surfaces(self.workbench.geometry())
         looks = surfaces(self.workbench.geometry("visual"))
         scene = self.server.scene
@@ -200,7 +206,14 @@ class StudioPage:
         self.refresh()
 
     def refresh(self) -> None:
-        """Show the present state everywhere."""
+        """Show the present state everywhere; a robot or tool that was changed is made anew."""
+        state = self.workbench.state
+        if self._drawn != (state.robot, state.tool):
+            self.rebuild()
+            return
+        if self._is_marked and self.workbench.is_outdated:
+            self._mark(None)
+            self.show_start()
         with self.server.atomic():
             for sliders in self._sliders:
                 sliders.refresh()
@@ -212,9 +225,9 @@ class StudioPage:
             tip = self.workbench.goal_tip()
             self._goal.refresh(tip, self.workbench.branches)
             self.show_goal()
-            self._code.show(all_code(self.workbench.url, self.workbench.state, tip))
+            self._code.show(all_code(self.workbench.url, state, tip))
         if self._session is not None:
-            save_session(self._session, self.workbench.state)
+            save_session(self._session, state)
 
     def run(self, key: str, action: Callable[[], None]) -> None:
         """Run an action behind those that wait, and show what came of it.
@@ -272,6 +285,7 @@ class StudioPage:
     def _mark(self, outcome: Outcome | None) -> None:
         """Mark what collides where a plan failed; nothing where it did not."""
         failed = outcome if isinstance(outcome, Failure) else None
+        self._is_marked = failed is not None
         pairs = [] if failed is None else colliding_pairs(self.workbench, failed)
         shown = None if failed is None else failed.shown
         links = self.workbench.link_poses(shown or self.workbench.state.start)
@@ -301,7 +315,7 @@ class StudioPage:
     def _report(self, error: Exception) -> None:
         """Show the error of a command on the page."""
         if isinstance(error, ApiError):
-            title, text = error.problem.title, f"{error.problem.detail} {error.problem.hint or ''}"
+            title, text = error.problem.title, f"{error.problem.detail} {form_hint(error.problem)}"
         elif isinstance(error, ArmwrightError | ValueError):
             title, text = "This did not work", str(error)
         else:

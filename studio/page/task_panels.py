@@ -5,7 +5,6 @@ from functools import partial
 from typing import Any
 
 from armwright_client import Obstacle
-from studio.motion_frames import MotionFrames
 from studio.page.entries_panel import EntriesPanel, FieldsPanel
 from studio.page.panel import Page, Text, put_value
 from studio.page.play_panel import PlayPanel
@@ -13,6 +12,9 @@ from studio.settings_form import FormField
 from studio.stages import aimed, goal_entry, new_stage, pose_entry
 from studio.state import Failure, Outcome, Planned, TaskPlanned, TourPlanned, compare
 from studio.workbench import Kind
+
+#: Before a motion of a state that was changed since.
+_OLD = "*Planned before the last change: plan again.*\n\n"
 
 
 class _Panel:
@@ -48,12 +50,13 @@ class _Panel:
 
     def _show_outcome(self) -> None:
         workbench = self._page.workbench
-        outcome, view = workbench.outcome, workbench.view_url()
-        if isinstance(outcome, self._shows) or (outcome and outcome is self._outcome):
-            link = None if view is None else ("Page of this plan", view)
-            self._text.show(describe(outcome), link)
-        else:
+        outcome, view, old = workbench.outcome, workbench.view_url(), workbench.is_outdated
+        ours = isinstance(outcome, self._shows) or outcome is self._outcome
+        if outcome is None or not ours or (old and isinstance(outcome, Failure)):
             self._text.show(self._idle)
+            return
+        link = None if view is None else ("Page of this plan", view)
+        self._text.show((_OLD if old else "") + describe(outcome), link)
 
 
 class PlanPanel(_Panel):
@@ -61,16 +64,18 @@ class PlanPanel(_Panel):
 
     Args:
         page: Page of the studio.
-        show: Draws a frame of the motion.
+        play: Panel of the motion, whose curves are shown here.
     """
 
-    def __init__(self, page: Page, show: Callable[[MotionFrames, int], None]) -> None:
+    _idle = "Set start and goal, then plan."
+
+    def __init__(self, page: Page, play: PlayPanel) -> None:
         super().__init__(page)
         gui, workbench = page.server.gui, page.workbench
         self._add_button("Plan", "motion")
         history = gui.add_button_group("Changes", ["undo", "redo"])
         history.on_click(lambda event: page.run("history", partial(self._step, event.target.value)))
-        self.play = PlayPanel(page, show)
+        play.add_curves()
         self._text = Text(gui)
         with gui.add_folder("Settings", expand_by_default=False):
             self._settings = FieldsPanel(
@@ -107,14 +112,12 @@ class PlanPanel(_Panel):
         self._page.show_start()
 
 
-def describe(outcome: Outcome | None) -> str:
+def describe(outcome: Outcome) -> str:
     """A result in Markdown.
 
     Args:
-        outcome: A motion, a failure, or nothing yet.
+        outcome: A motion or a failure.
     """
-    if outcome is None:
-        return "Set start and goal, then plan."
     if isinstance(outcome, Failure):
         lines = [f"**✗ {outcome.title}**", "", outcome.detail]
         if outcome.hint:

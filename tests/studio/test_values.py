@@ -9,11 +9,21 @@ from hypothesis import strategies as st
 
 from armwright_client import Box, Cylinder, Halfspace, Obstacle, Pose, Sphere
 from armwright_wire.scenes.scene import Capsule, Cone, Shape
+from studio.page.drawing import LINE, WIDE, label_places
 from studio.page.entries_panel import describe, labels_of, number_in, text_of, value_of
 from studio.requests import corner, dimensions, with_corner
 from studio.settings_form import EntryForms, FormField
 from studio.stages import pick_stages
-from studio.state import History, StudioState, moved, with_field, without
+from studio.state import (
+    Branch,
+    History,
+    StudioState,
+    Verdict,
+    labels,
+    moved,
+    with_field,
+    without,
+)
 
 EMPTY = StudioState("arm", (0.0, 0.0), (1.0, 1.0))
 
@@ -179,3 +189,18 @@ def test_a_pick_with_a_tool_takes_grasps_from_the_shape() -> None:
         assert grasp["touch_links"] == ["jaw"]
         assert close == {"kind": "close", **closes}
     assert "region" in next(s for s in pick_stages(crate, ["hand"]) if s["kind"] == "grasp")
+
+
+def test_labels_of_ghosts_stand_for_all_and_cover_none() -> None:
+    verdicts = (Verdict.VALID, Verdict.COLLISION, Verdict.VALID)
+    group = [Branch(i, (), verdict) for i, verdict in enumerate(verdicts)]
+    assert labels(group) == "0, 2 ✓; 1 ✗ collides"
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        places = rng.uniform(-0.3, 0.3, (8, 3))
+        found = label_places(places)
+        assert sorted(i for members, _ in found for i in members) == [*range(8)]
+        for k, (_, a) in enumerate(found):
+            for _, b in found[:k]:
+                beside = np.linalg.norm(a[:2] - b[:2]) >= WIDE
+                assert beside or abs(a[2] - b[2]) >= LINE - 1e-9

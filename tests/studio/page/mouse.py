@@ -1,11 +1,11 @@
-"""The mouse on the studio's canvas: places of the scene on the screen, and drags of handles."""
+"""The mouse on the studio's canvas, places of the scene on the screen, and fields of its forms."""
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from playwright.sync_api import Page
+from playwright.sync_api import Locator, Page
 from scipy.spatial.transform import Rotation
 
 #: Moves of the mouse that make up one drag.
@@ -82,3 +82,16 @@ def drag(page: Page, begin: Pixel, end: Pixel, arrived: Callable[[], bool]) -> b
         page.mouse.move(*end)
     page.mouse.up()
     return arrived()
+
+
+def field(page: Page, label: str) -> Locator:
+    """The input beside a label."""
+    labels = page.get_by_text(label, exact=True).filter(visible=True)
+    return labels.last.locator("xpath=following::input[1]")
+
+
+def typed(page: Page, label: str, text: str) -> None:
+    """Select all of a field, and type a text key by key."""
+    field(page, label).click()
+    page.keyboard.press("Control+A")
+    page.keyboard.type(text, delay=30)

@@ -3,15 +3,17 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Page, expect
 from scipy.spatial.transform import Rotation
 
-from armwright_client import Box, Client
+from armwright_client import Box, Client, FramedPose
 from studio.page.studio_page import StudioPage, serve_page
 from studio.pose import rotation
+from studio.state import Failure
 from studio.workbench import Workbench
 from tests.service.processes import wait_until
 from tests.service.viewer.browser import browsing
+from tests.studio.page.mouse import field, typed
 
 
 @pytest.fixture(scope="module")
@@ -28,19 +30,6 @@ def page(studio: StudioPage) -> Iterator[Page]:
         page = browser.new_page(viewport={"width": 1000, "height": 600})
         page.goto(f"http://127.0.0.1:{studio.server.get_port()}")
         yield page
-
-
-def field(page: Page, label: str) -> Locator:
-    """The input beside a label."""
-    labels = page.get_by_text(label, exact=True).filter(visible=True)
-    return labels.last.locator("xpath=following::input[1]")
-
-
-def typed(page: Page, label: str, text: str) -> None:
-    """Select all of a field, and type a text key by key."""
-    field(page, label).click()
-    page.keyboard.press("Control+A")
-    page.keyboard.type(text, delay=30)
 
 
 def test_numbers_are_taken_as_they_are_typed(studio: StudioPage, page: Page) -> None:
@@ -80,6 +69,37 @@ def test_obstacles_are_placed_by_numbers_and_their_lists_stay_open(
     assert isinstance(shape, Box)
     assert shape.size[0] == 0.205
     expect(field(page, "x [m]")).to_be_visible()
+
+
+def test_joints_are_typed_with_all_digits(studio: StudioPage, page: Page) -> None:
+    workbench = studio.workbench
+    page.get_by_role("tab", name="Robot").click()
+    joints = [0.123456789, -0.7, 0.0, -2.3, 0.0, 1.6, 0.8]
+    typed(page, "All [rad]", ", ".join(map(str, joints)))
+    assert wait_until(lambda: [*workbench.state.start] == joints, 20.0)
+    assert studio.queue.join(20.0)
+
+
+def test_a_failure_speaks_of_the_form_and_leaves_with_its_cause(
+    studio: StudioPage, page: Page
+) -> None:
+    workbench = studio.workbench
+    tip = workbench.goal_tip()
+    workbench.change_obstacle(
+        workbench.state.obstacles[0].model_copy(update={"pose": FramedPose(**tip.model_dump())})
+    )
+    studio.refresh()
+    page.get_by_role("tab", name="Plan").click()
+    page.get_by_role("button", name="Plan", exact=True).click()
+    told = page.get_by_text("is in collision").filter(visible=True)
+    expect(told.first).to_be_visible(timeout=20_000)
+    outcome = workbench.outcome
+    assert isinstance(outcome, Failure)
+    assert "Move the goal" in outcome.hint
+    assert not set("`_") & set(outcome.hint)
+    page.get_by_role("button", name="undo", exact=True).click()
+    expect(page.get_by_text("Set start and goal, then plan.")).to_be_visible(timeout=20_000)
+    expect(told).to_have_count(0)
 
 
 def test_play_and_curves_are_in_sight(studio: StudioPage, page: Page) -> None:
