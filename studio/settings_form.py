@@ -146,8 +146,9 @@ def entry_forms(document: Mapping[str, Any], model: str, name: str) -> EntryForm
     tag = str(discriminator["propertyName"])
     kinds = {reference: kind for kind, reference in discriminator["mapping"].items()}
     fields = {}
-    # The mapping is sorted by name; the alternatives stand in the API's own order.
-    for reference in (item["$ref"] for item in items["oneOf"]):
+    # The mapping is sorted by name; the alternatives stand in the API's own order. Another form of
+    # one of them has no name of its own.
+    for reference in (item["$ref"] for item in items["oneOf"] if "$ref" in item):
         kind = kinds[reference]
         fields[kind] = _fields_of(schemas, schemas[reference.rpartition("/")[2]], tag)
     return EntryForms(tag, fields)
