@@ -28,7 +28,17 @@ from planning.constraints.kinds.constraint import (
     ToolSpeedConstraint,
     TorqueConstraint,
 )
+from service.fields import shared
 from service.translate import poses
+
+#: Kinds of the domain whose fields are those of a request.
+_ALIKE: dict[Any, Any] = {
+    getattr(schema, kind.__name__): kind
+    for kind in (
+        *(JointConstraint, LookAtConstraint, ClearanceConstraint, ToolSpeedConstraint),
+        *(SphereRegion, PlaneRegion, LineRegion),
+    )
+}
 
 
 def constraint_set(
@@ -67,71 +77,40 @@ def constraint(body: schema.Constraint) -> Constraint:
         InvalidGoal: It is malformed.
         InvalidPose: A rotation in it is none.
     """
-    made: Constraint
     match body:
-        case schema.JointConstraint():
-            made = JointConstraint(
-                body.joint, body.position, body.tolerance_above, body.tolerance_below, body.weight
-            )
         case schema.PositionConstraint():
-            made = PositionConstraint(
-                _region(body.region), body.link, body.point, body.reference_link, body.weight
-            )
+            given = shared(body, PositionConstraint, without=("region",))
+            return PositionConstraint(_region(body.region), **given)
         case schema.OrientationConstraint():
-            made = _orientation(body)
-        case schema.LookAtConstraint():
-            made = LookAtConstraint(
-                body.axis,
-                body.target,
-                body.angle,
-                body.link,
-                body.point,
-                body.reference_link,
-                body.weight,
-            )
-        case schema.ClearanceConstraint():
-            made = ClearanceConstraint(body.margin)
+            return _orientation(body)
         case schema.RelativePoseConstraint():
-            made = RelativePoseConstraint(
-                poses.transform(body.pose),
-                body.link,
-                body.reference_link,
-                body.position_tolerance,
-                body.orientation_tolerance,
-                body.weight,
-            )
-        case schema.ToolSpeedConstraint():
-            made = ToolSpeedConstraint(body.limit)
+            given = shared(body, RelativePoseConstraint)
+            tolerances = body.position_tolerance, body.orientation_tolerance
+            given |= zip(("position_tolerances", "orientation_tolerances"), tolerances, strict=True)
+            return RelativePoseConstraint(poses.transform(body.pose), **given)
         case schema.TorqueConstraint():
-            made = TorqueConstraint(None if body.limits is None else tuple(body.limits))
+            return TorqueConstraint(None if body.limits is None else tuple(body.limits))
+    made: Constraint = _alike(body)
     return made
 
 
+def _alike(body: Any) -> Any:
+    """The domain's value of a part of a request whose fields it calls by the same names."""
+    kind = _ALIKE[type(body)]
+    return kind(**shared(body, kind))
+
+
 def _orientation(body: schema.OrientationConstraint) -> ConeConstraint | OrientationConstraint:
-    if body.quaternion_xyzw is not None and body.axis_tolerances is not None:
-        rotation = from_quaternion(body.quaternion_xyzw)
-        return OrientationConstraint(
-            rotation, body.axis_tolerances, body.link, body.reference_link, body.weight
-        )
-    assert body.axis is not None
-    assert body.direction is not None
-    assert body.cone_angle is not None
-    return ConeConstraint(
-        body.axis, body.direction, body.cone_angle, body.link, body.reference_link, body.weight
-    )
+    if body.quaternion_xyzw is not None:
+        given = shared(body, OrientationConstraint)
+        return OrientationConstraint(from_quaternion(body.quaternion_xyzw), **given)
+    return ConeConstraint(**shared(body, ConeConstraint))
 
 
 def _region(body: schema.Region) -> Region:
-    made: Region
-    match body:
-        case schema.BoxRegion():
-            made = BoxRegion(poses.transform(body.pose), np.array(body.size))
-        case schema.SphereRegion():
-            made = SphereRegion(body.center, body.radius)
-        case schema.PlaneRegion():
-            made = PlaneRegion(body.point, body.normal, body.tolerance)
-        case schema.LineRegion():
-            made = LineRegion(body.point, body.direction, body.tolerance, body.length)
+    if isinstance(body, schema.BoxRegion):
+        return BoxRegion(poses.transform(body.pose), np.array(body.size))
+    made: Region = _alike(body)
     return made
 
 

@@ -354,4 +354,3 @@ def mark_blocked(
         if is_any and first_only:
             return True
     return is_any
-    return blocked
