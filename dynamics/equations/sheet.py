@@ -402,72 +402,54 @@ def write_page(sheet: Sheet) -> str:
     Args:
         sheet: The formulas.
     """
-    lines = _latex(sheet) if sheet.notation is Notation.LATEX else _text(sheet)
-    return "\n".join(lines) + "\n"
+    write = _latex if sheet.notation is Notation.LATEX else _text
+    lines = (line for parts in _formulas(sheet) for line in write(*parts))
+    return "\n".join([*lines, ""])
 
 
-def _latex(sheet: Sheet) -> Iterator[str]:
+def _formulas(sheet: Sheet) -> Iterator[tuple[str, str, Matrix | str]]:
+    """All formulas in turn: their names in LaTeX and in text, and a matrix or a single formula."""
     for symbol, meaning in sheet.abbreviations:
-        yield rf"\[ {symbol} = {meaning} \]"
+        yield symbol, symbol, meaning
     for i, step in enumerate(sheet.transformations, start=1):
-        yield _latex_matrix(f"H_{{{i}}}^{{{i - 1}}}", step)
-    yield _latex_matrix(r"\begin{bmatrix} R & O \end{bmatrix}", sheet.frame)
-    yield _latex_matrix("J(q)", sheet.jacobian)
+        yield f"H_{{{i}}}^{{{i - 1}}}", f"H_{i}", step
+    yield r"\begin{bmatrix} R & O \end{bmatrix}", "T", sheet.frame
+    yield "J(q)", "Jacobian", sheet.jacobian
     if sheet.determinant is not None:
-        yield rf"\[ \det J = {sheet.determinant} \]"
+        yield r"\det J", "det_J", sheet.determinant
     if sheet.motion is None:
         return
     motion = sheet.motion
-    yield rf"\[ {motion.equation} \]"
-    yield _latex_matrix("D(q)", motion.mass_matrix)
+    yield "", "", motion.equation
+    yield "D(q)", "D", motion.mass_matrix
     for i, j, k, symbol in motion.christoffel_symbols or ():
-        yield rf"\[ c_{{{i}{j}{k}}} = {symbol} \]"
-    yield _latex_matrix(r"C(q, \dot{q})", motion.coriolis_matrix)
-    yield rf"\[ \mathcal{{U}}(q) = {motion.potential_energy} \]"
-    yield _latex_matrix("G(q)", _column(motion.gravity))
+        yield f"c_{{{i}{j}{k}}}", f"c_{i}{j}{k}", symbol
+    yield r"C(q, \dot{q})", "C", motion.coriolis_matrix
+    yield r"\mathcal{U}(q)", "U", motion.potential_energy
+    yield "G(q)", "G", _column(motion.gravity)
     if motion.regressor is not None:
-        yield _latex_matrix(r"Y(q, \dot{q}, \ddot{q})", motion.regressor.regressor)
-        yield _latex_matrix(r"\Theta", _column(motion.regressor.parameters))
+        yield r"Y(q, \dot{q}, \ddot{q})", "Y", motion.regressor.regressor
+        yield r"\Theta", "Theta", _column(motion.regressor.parameters)
 
 
 def _column(entries: Iterable[str]) -> Matrix:
     return tuple((entry,) for entry in entries)
 
 
-def _latex_matrix(name: str, rows: Matrix) -> str:
-    body = r" \\ ".join(" & ".join(row) for row in rows)
-    return rf"\[ {name} = \begin{{bmatrix}} {body} \end{{bmatrix}} \]"
+def _latex(name: str, _: str, value: Matrix | str) -> Iterator[str]:
+    """One displayed formula."""
+    if not isinstance(value, str):
+        body = r" \\ ".join(" & ".join(row) for row in value)
+        value = rf"\begin{{bmatrix}} {body} \end{{bmatrix}}"
+    yield rf"\[ {name} = {value} \]" if name else rf"\[ {value} \]"
 
 
-def _text(sheet: Sheet) -> Iterator[str]:
-    for symbol, meaning in sheet.abbreviations:
-        yield f"{symbol} = {meaning}"
-    for i, step in enumerate(sheet.transformations, start=1):
-        yield from _entries(f"H_{i}", step)
-    yield from _entries("T", sheet.frame)
-    yield from _entries("Jacobian", sheet.jacobian)
-    if sheet.determinant is not None:
-        yield f"det_J = {sheet.determinant}"
-    if sheet.motion is not None:
-        yield from _text_motion(sheet.motion)
-
-
-def _text_motion(motion: Motion) -> Iterator[str]:
-    yield motion.equation
-    yield from _entries("D", motion.mass_matrix)
-    for i, j, k, symbol in motion.christoffel_symbols or ():
-        yield f"c_{i}{j}{k} = {symbol}"
-    yield from _entries("C", motion.coriolis_matrix)
-    yield f"U = {motion.potential_energy}"
-    yield from _entries("G", _column(motion.gravity))
-    if motion.regressor is not None:
-        yield from _entries("Y", motion.regressor.regressor)
-        yield from _entries("Theta", _column(motion.regressor.parameters))
-
-
-def _entries(name: str, rows: Matrix) -> Iterator[str]:
-    """One line for each entry of a matrix that is not 0."""
-    for i, row in enumerate(rows, start=1):
+def _text(_: str, name: str, value: Matrix | str) -> Iterator[str]:
+    """One line for a formula, or for each entry of a matrix that is not 0."""
+    if isinstance(value, str):
+        yield f"{name} = {value}" if name else value
+        return
+    for i, row in enumerate(value, start=1):
         for j, entry in enumerate(row, start=1):
             if entry != "0":
                 index = f"{i}" if len(row) == 1 else f"{i}{j}"
