@@ -27,9 +27,9 @@ from armwright_client.options.plan_options import (
     Options,
     PlanOptions,
     ProgramOptions,
+    RetimeOptions,
     SimulateOptions,
     TaskOptions,
-    ToolOptions,
     TourOptions,
     ValidateOptions,
 )
@@ -433,26 +433,14 @@ class ServiceEndpoints:
         *,
         knots: VectorLike | None = None,
         tolerance: float | None = None,
-        robot: str | None = None,
-        limits: LimitValues | None = None,
         limits_at: Sequence[LimitsAt] | None = None,
-        timing: RetimeTiming | None = None,
         stops: Literal["none", "path"] | None = None,
-        timeout: float | None = None,
-        **tool: Unpack[ToolOptions],
+        **options: Unpack[RetimeOptions],
     ) -> Call[Retimed]:
-        """Time a path within the limits of a robot, or within those given."""
-        body = RetimeRequest.of(
-            path=RetimePath.of(joints=joints, knots=knots, tolerance=tolerance),
-            robot=robot,
-            limits=limits,
-            limits_at=limits_at,
-            timing=timing,
-            stops=stops,
-            timeout=timeout,
-            **tool,
-        )
-        return Call("POST", path("retime"), Retimed.read, body, deadline=timeout)
+        """Time a path within the limits of a robot, or within those given; see `RetimeOptions`."""
+        waypoints = RetimePath.of(joints=joints, knots=knots, tolerance=tolerance)
+        body = RetimeRequest.of(path=waypoints, limits_at=limits_at, stops=stops, **options)
+        return Call("POST", path("retime"), Retimed.read, body, deadline=body.timeout)
 
     @Endpoint
     def simplify(
@@ -510,25 +498,14 @@ class ServiceEndpoints:
         start: JointState,
         end: JointState,
         *,
-        robot: str | None = None,
-        limits: LimitValues | None = None,
+        joint_names: Sequence[str] | None = None,
         synchronization: str | None = None,
-        timing: RetimeTiming | None = None,
-        timeout: float | None = None,
-        **tool: Unpack[ToolOptions],
+        **options: Unpack[RetimeOptions],
     ) -> Call[Retimed]:
         """Time the motion between two states with bounded jerk, in the least time."""
-        body = RetimeRequest.of(
-            start=start,
-            end=end,
-            robot=robot,
-            limits=limits,
-            synchronization=synchronization,
-            timing=timing,
-            timeout=timeout,
-            **tool,
-        )
-        return Call("POST", path("retime"), Retimed.read, body, deadline=timeout)
+        given = {"joint_names": joint_names, "synchronization": synchronization}
+        body = RetimeRequest.of(start=start, end=end, **given, **options)
+        return Call("POST", path("retime"), Retimed.read, body, deadline=body.timeout)
 
     @Endpoint
     def simulate(

@@ -111,6 +111,7 @@ from armwright_client.options.plan_options import GuardOptions as GuardOptions
 from armwright_client.options.plan_options import LyapunovOptions as LyapunovOptions
 from armwright_client.options.plan_options import PlanOptions as PlanOptions
 from armwright_client.options.plan_options import ProgramOptions as ProgramOptions
+from armwright_client.options.plan_options import RetimeOptions as RetimeOptions
 from armwright_client.options.plan_options import SimulateOptions as SimulateOptions
 from armwright_client.options.plan_options import TaskOptions as TaskOptions
 from armwright_client.options.plan_options import TourOptions as TourOptions

@@ -7,7 +7,7 @@ from armwright_wire.base import VectorLike
 from armwright_wire.goals.goal import Clearance, Constraints, GoalCosts, Start
 from armwright_wire.goals.tool_motion import TimedToolMotions
 from armwright_wire.motions.certificate import Premises, Stops
-from armwright_wire.motions.retime import PathToKeep, PathTolerance
+from armwright_wire.motions.retime import PathToKeep, PathTolerance, RetimeTiming
 from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody
 from armwright_wire.plans.plan import PlannerName, Refine
@@ -158,6 +158,22 @@ class ValidateOptions(SceneOptions, total=False):
     stops: Stops
     witness: bool
     keep: bool
+
+
+class RetimeOptions(ToolOptions, total=False):
+    """Options of a timing: the robot, or limits in its place.
+
+    Args:
+        robot: Robot whose limits hold.
+        limits: Limits in place of the robot's.
+        timing: Speeds, and how time is found.
+        timeout: Deadline [s].
+    """
+
+    robot: str | None
+    limits: LimitsBody | None
+    timing: RetimeTiming | None
+    timeout: float | None
 
 
 class GuardOptions(SceneOptions, total=False):
