@@ -90,7 +90,7 @@ class ProjectionArrays(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """Pieces of one obstacle: columns as in ``ProjectionArrays``, and how many of them each has."""
+    """Pieces of one obstacle: the first columns of ``ProjectionArrays``, starts as counts."""
 
     kinds: Indices
     poses: Array
@@ -128,17 +128,10 @@ def pack_obstacles(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
     ends = np.empty((len(counts), 2), dtype=np.int64)
     ends[:, 0], ends[:, 1] = starts[:-1], starts[:-1] + _indices(filled)
     return ProjectionArrays(
-        kinds=joined.kinds,
-        poses=joined.poses,
-        sizes=joined.sizes,
-        balls=joined.balls,
-        across=joined.across,
-        solid=joined.solid,
-        corners=joined.corners,
-        corner_starts=_starts(joined.corner_counts),
-        triangles=joined.triangles,
-        planes=joined.planes,
-        triangle_starts=_starts(joined.triangle_counts),
+        *joined._replace(
+            corner_counts=_starts(joined.corner_counts),
+            triangle_counts=_starts(joined.triangle_counts),
+        ),
         owners=np.repeat(np.arange(len(counts)), counts),
         enclosing=ends,
         around=_all_around(joined.balls, ends),
