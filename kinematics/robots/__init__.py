@@ -7,7 +7,7 @@ from importlib.resources import files
 
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
-from kinematics.robot_names import builtin_names as builtin_names
+from kinematics.model.robot_names import builtin_names as builtin_names
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.tree.srdf import parse_srdf
 from kinematics.urdf.urdf import parse_urdf

@@ -12,7 +12,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
-from kinematics.robot_names import builtin_names
+from kinematics.model.robot_names import builtin_names
 from kinematics.robots import builtin_chain
 from kinematics.urdf.visuals import Color
 from obstacles.convex.piece import convex_hull

@@ -31,8 +31,7 @@ from obstacles.robots.finger_geometry import swept_cover
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
-from planning.proof.collision.collision_proof import CollisionProof
-from planning.proof.collision.overlap_proof import prove_overlaps, unlooked
+from planning.proof.collision.collision_proof import CollisionProof, prove_overlaps, unlooked
 from planning.proof.constraints.constraint_limits import constrained_efforts, constrained_margin
 from planning.proof.constraints.constraints import ConstraintReport, check_motion
 from planning.proof.limits.limit_uses import Violation

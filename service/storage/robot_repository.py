@@ -5,7 +5,7 @@ Of a kept plan they are documents as they were kept with it.
 
 from collections.abc import Sequence
 
-from kinematics.robot_names import builtin_names
+from kinematics.model.robot_names import builtin_names
 from service.storage.caches.cache_key import Kind, Reference, builtin_reference
 from service.storage.stores.document_store import Document, DocumentStore, Record
 from service.storage.stores.plan_store import PlanStore

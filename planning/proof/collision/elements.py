@@ -16,17 +16,15 @@ from planning.proof.collision.box_tree import (
     CONTAINED,
     LEAVES_ONCE,
     WRONG_BOXES,
-    check_nodes,
-    check_nodes_kernel,
-    leaf_boxes_kernel,
-    refuse_broken,
-)
-from planning.proof.collision.element_boxes import (
     boxes_of_nodes,
     boxes_of_nodes_kernel,
+    check_nodes,
+    check_nodes_kernel,
     extents,
     extents_kernel,
     hold_items,
+    leaf_boxes_kernel,
+    refuse_broken,
     solid_boxes_kernel,
 )
 from planning.proof.collision.proposals import FIRST_NODE, STOP_NODE, PackedPieces

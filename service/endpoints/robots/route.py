@@ -18,7 +18,7 @@ from armwright_wire.robots.robot import (
     RobotList,
     RobotSummary,
 )
-from kinematics.robot_names import builtin_names
+from kinematics.model.robot_names import builtin_names
 from service.endpoints import documents
 from service.endpoints.documents import After, Limit
 from service.http import answers

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 import armwright as aw
-from kinematics.robot_names import builtin_names
+from kinematics.model.robot_names import builtin_names
 from kinematics.trajectory.trajectory import stay
 from obstacles.robots.built_in_looks import built_in_looks
 from obstacles.scenes.scene import Scene

@@ -23,8 +23,7 @@ from planning.proof.collision.box_tree import (
 )
 from planning.proof.collision.collision_proof import CollisionProof
 from planning.proof.collision.elements import HOLDER, Elements, boxes_over, join, solids
-from planning.proof.collision.joined_pieces import join_pieces, join_primitives
-from planning.proof.collision.pair_table import PairTable
+from planning.proof.collision.pair_table import PairTable, join_pieces, join_primitives
 from planning.proof.collision.proposals import packed_pieces
 from tests.obstacles.arms import cut_arm
 from tests.obstacles.collision.model.test_collision_model import mixed
