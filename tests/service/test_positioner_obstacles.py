@@ -203,19 +203,6 @@ def test_a_post_beside_the_arm_is_kept_clear_of(client: httpx.Client, way: str) 
     assert again["min_clearance"] == pytest.approx(proved, abs=1e-3)
 
 
-def test_without_the_post_the_arm_goes_where_it_stands(client: httpx.Client) -> None:
-    found = plan(client, "cell", WALL, GROUND)
-    samples = found["trajectory"]["samples"]
-    assert Peer(WALL, GROUND).least(samples)[0] > 0.0
-    deep, pair = Peer(POST, WALL, GROUND).least(samples)
-    assert deep < 0.0
-    assert "post" in pair
-    assert validate(client, found, WALL, GROUND)["verified"]
-    refuted = validate(client, found, POST, WALL, GROUND)
-    assert not refuted["verified"]
-    assert "post" in refuted["violation"]["pair"]
-
-
 def test_a_roof_over_the_work_is_named_as_what_is_in_the_way(client: httpx.Client) -> None:
     away = [0.0, 1.6, -0.3, 0.6, 0.0, 0.9, 0.0]
     body = ASKED | {"robot": "cell", "attached": [ROOF], "start": {"joints": away}}
@@ -338,14 +325,3 @@ def test_what_moves_over_the_work_is_no_frame_for_poses(client: httpx.Client) ->
     )
     assert "'floor' moves with the arm" in document["detail"]
     assert "base_link 'floor'" in document["hint"]
-
-
-@pytest.mark.usefixtures("cell")
-def test_torques_are_refused_where_the_root_turns(client: httpx.Client) -> None:
-    body = ON_THE_TABLE | {"timing": {"torque_limits": True}}
-    document = problem(client.post("/v1/plan", json=body), 422, "MISSING_LIMIT")
-    assert "effort" in document["detail"]
-    asked = {"joints": ON_THE_TABLE["start"]["joints"]}
-    response = client.post("/v1/robots/turned_cell/dynamics", json=asked)
-    assert response.status_code == 422
-    assert "inertia" in response.json()["detail"]
