@@ -11,7 +11,7 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
-from tests.tracking.controllers.test_adaptive import wave
+from tests.tracking.controllers.test_computed_torque import wave
 from tests.tracking.samples import constant, smooth
 from tracking.controllers.controller import Controller
 from tracking.controllers.model_based import (

@@ -1,4 +1,4 @@
-"""Tools, fingers and grasps beside pinocchio, coal and closed forms."""
+"""Tools, fingers, grasps and resting places beside pinocchio, coal, trimesh and closed forms."""
 
 import pickle
 from dataclasses import replace
@@ -9,7 +9,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
+from scipy.spatial import ConvexHull
 
+import armwright as aw
 from armwright.robot import load_robot
 from benchmarks.problems.example_arms import ARMS
 from dynamics.inverse import inverse_dynamics
@@ -25,7 +28,7 @@ from kinematics.forward import forward
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Inertia
-from kinematics.pose import from_rpy, to_rpy, transform
+from kinematics.pose import from_rpy, rotation_z, to_rpy, transform
 from kinematics.robots import builtin_urdf
 from obstacles.collision.checker import Checker
 from obstacles.robots.attachment import Attachment, hold
@@ -38,6 +41,7 @@ from obstacles.robots.grasps import (
     jaw_span,
     object_down,
 )
+from obstacles.robots.resting import resting_places
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.tool import FORMS, SIZES, Jaw, Solid, Tool, built_in_tool, mount, with_tip
 from obstacles.scenes.scene import Obstacle, Scene
@@ -425,3 +429,61 @@ def test_a_cover_holds_every_corner_on_its_way(name: str, share: tuple[float, fl
 def test_joints_that_are_no_fingers_are_refused() -> None:
     with pytest.raises(InvalidOption, match="no joint of a gripper"):
         with_fingers(_robot("panda"), {"panda_joint7": 0.1})
+
+
+TURNED = transform(rotation_z(0.4), [0.5, 0.1, 0.11])
+
+
+def stands(points: np.ndarray) -> float:
+    """How far the centre of mass is inside of the foot, as a tangent of the tilt."""
+    body = trimesh.convex.convex_hull(points)
+    foot = points[points[:, 2] < points[:, 2].min() + 1e-6, :2]
+    edges = ConvexHull(foot).equations
+    inside = -float((edges[:, :2] @ body.center_mass[:2] + edges[:, 2]).max())
+    return inside / float(body.center_mass[2] - points[:, 2].min())
+
+
+def test_what_is_put_down_stands_within_the_top_and_does_not_tip() -> None:
+    random, count = np.random.default_rng(5), 0
+    table = aw.Obstacle("table", aw.Box((0.5, 0.4, 0.02)), TURNED)
+    for _ in range(30):
+        corners = random.uniform(-0.05, 0.05, (int(random.integers(4, 12)), 3))
+        corners += np.array([0.3, 0.0, 0.0])
+        places = resting_places(aw.Convex(corners), [table], (2, 3), 3)
+        for T in places[:: max(len(places) // 6, 1)]:
+            points = corners @ T[:3, :3].T + T[:3, 3]
+            foot = points[points[:, 2] < points[:, 2].min() + 1e-6]
+            assert len(foot) >= 3
+            # Points within a micrometre of a plane are of one face.
+            assert foot[:, 2] == pytest.approx(0.12, abs=1e-6)
+            local = (foot - TURNED[:3, 3]) @ TURNED[:3, :3]
+            assert (np.abs(local[:, :2]) <= [0.25 + 1e-6, 0.2 + 1e-6]).all()
+            assert stands(points) > 0.1
+            count += 1
+    assert count > 60
+
+
+def test_a_box_rests_on_each_face_and_a_cylinder_on_its_ends() -> None:
+    table = aw.Obstacle("table", aw.Box((0.5, 0.4, 0.02)), TURNED)
+    heights = {round(float(T[2, 3]), 4) for T in resting_places(aw.Box((0.04, 0.06, 0.1)), [table])}
+    assert heights == {0.14, 0.15, 0.17}
+    ends = resting_places(aw.Cylinder(0.02, 0.1), [table])
+    assert {round(float(T[2, 3]), 4) for T in ends} == {0.17}
+    # A top that is too small carries nothing; two carry twice as much.
+    small = aw.Obstacle("small", aw.Box((0.02, 0.02, 0.1)), aw.pose([0.0, 0.5, 0.1]))
+    assert len(resting_places(aw.Box((0.04, 0.06, 0.1)), [small])) == 0
+    other = aw.Obstacle("other", table.shape, transform(None, [0.0, 0.9, 0.0]) @ TURNED)
+    assert len(resting_places(aw.Cylinder(0.02, 0.1), [table, other])) == 2 * len(ends)
+
+
+@pytest.mark.parametrize(
+    ("shape", "support", "told"),
+    [
+        (aw.Sphere(0.05), aw.Box((1.0, 1.0, 0.1)), "no face"),
+        (aw.Box((0.1, 0.1, 0.1)), aw.Sphere(0.5), "no flat top"),
+        (aw.Box((0.1, 0.1, 0.1)), aw.HalfSpace((0.0, 0.0, 1.0), 0.0), "no flat top"),
+    ],
+)
+def test_what_rolls_and_what_has_no_top_is_refused(shape: Any, support: Any, told: str) -> None:
+    with pytest.raises(InvalidOption, match=told):
+        resting_places(shape, [aw.Obstacle("s", support, np.eye(4))])
