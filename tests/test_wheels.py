@@ -139,8 +139,9 @@ def test_the_installed_wheel_plans_serves_and_obeys_commands(
 @pytest.mark.timeout(300)
 def test_type_checkers_see_names_from_outside(environment: Path, tmp_path: Path) -> None:
     (tmp_path / "program.py").write_text(
-        "import armwright as aw\nfrom armwright_client import Client\n"
+        "import armwright as aw\nfrom armwright_client import Client, LimitsAt\n"
         "aw.planx\nreveal_type(aw.load_robot)\nreveal_type(Client.close)\n"
+        "LimitsAt(begin=0.0, end=1.0)\nLimitsAt(begin=0.0)\n"
     )
     cache = ["--cache-dir", str(ROOT / ".mypy_cache/outside")]
     python = ["--python-executable", str(environment / "bin/python")]
@@ -152,7 +153,8 @@ def test_type_checkers_see_names_from_outside(environment: Path, tmp_path: Path)
     assert 'program.py:3: error: Module has no attribute "planx"' in ran.stdout
     assert "RobotGeometry" in ran.stdout.splitlines()[1]
     assert "armwright_client" in ran.stdout.splitlines()[2]
-    assert ran.stdout.count("error") == 2, ran.stdout
+    assert 'program.py:7: error: Missing named argument "end"' in ran.stdout
+    assert ran.stdout.count("error") == 3, ran.stdout
 
 
 @pytest.mark.timeout(300)

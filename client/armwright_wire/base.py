@@ -24,6 +24,7 @@ from typing import (
 
 from pydantic import (
     AfterValidator,
+    AliasChoices,
     BaseModel,
     ConfigDict,
     Discriminator,
@@ -37,6 +38,7 @@ from pydantic import (
     model_validator,
 )
 from pydantic.config import JsonDict
+from pydantic.fields import FieldInfo
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
@@ -111,6 +113,12 @@ def _docstrings(module: str) -> dict[str, dict[str, str]]:
     return {node.name: _documented(node) for node in nodes if isinstance(node, ast.ClassDef)}
 
 
+def _wire_name(name: str, field: FieldInfo | None) -> str:
+    """The name on the wire of a field: type checkers take a plain alias for that in Python."""
+    alias = None if field is None else field.validation_alias
+    return str(alias.choices[0]) if isinstance(alias, AliasChoices) else name
+
+
 class Wire(BaseModel):
     """A part of a request or answer; the string below a field describes it in the schema."""
 
@@ -143,7 +151,7 @@ class Wire(BaseModel):
         texts = [_docstrings(kind.__module__).get(kind.__name__, {}) for kind in kinds]
         for name, field in cls.model_fields.items():
             if text := next((known[name] for known in texts if name in known), ""):
-                fields[field.alias or name]["description"] = text
+                fields[_wire_name(name, field)]["description"] = text
         return schema
 
 
@@ -183,10 +191,9 @@ class Body(Wire):
     tag_is_needed: ClassVar[bool] = True
 
     def __init__(self, **fields: Any) -> None:
-        aliases = type(self).model_fields
+        known = type(self).model_fields
         given = {
-            (aliases[name].alias or name if name in aliases else name): as_json(value)
-            for name, value in fields.items()
+            _wire_name(name, known.get(name)): as_json(value) for name, value in fields.items()
         }
         super().__init__(**given)
         if self.tag is not None:

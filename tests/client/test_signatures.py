@@ -19,7 +19,7 @@ from armwright_client import (
     public_names,
 )
 from armwright_client.robots import robot as uploads
-from armwright_wire.base import Body
+from armwright_wire.base import Body, Wire
 from armwright_wire.plans.plan import PLANNERS as ALL
 from armwright_wire.plans.plan import OmplPlanner
 from planning.pipeline.path_search import PLANNERS
@@ -134,3 +134,14 @@ def test_options_are_the_fields_of_a_request() -> None:
         assert fields - taken <= parameters | CHOSEN.get(name, set()), name
         compared.add(name)
     assert len(compared) == 25
+
+
+def test_names_in_python_are_those_that_type_checkers_see() -> None:
+    """An `alias` is the parameter's name to them, and `from` can't be one."""
+    kinds: list[type[Wire]] = [Wire]
+    for kind in kinds:
+        kinds += kind.__subclasses__()
+        assert not [name for name, field in kind.model_fields.items() if field.alias], kind
+    stretch = armwright_client.LimitsAt(begin=0.0, end=1.5, tool_speed=0.1)
+    assert stretch.to_json() == '{"from":0.0,"to":1.5,"tool_speed":0.1}'
+    assert armwright_client.LimitsAt.model_validate_json(stretch.to_json()) == stretch

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import AliasChoices, ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
 from armwright_wire.base import (
@@ -96,11 +96,11 @@ class RetimePath(PathBody):
 class LimitsAt(Body):
     """Limits along a stretch of a path, beside those of the whole motion."""
 
-    begin: NonNegative = Field(alias="from")
+    begin: NonNegative = Field(validation_alias=AliasChoices("from"), serialization_alias="from")
     """waypoint at which it begins, counted from 0, between two where it has a fraction; by length:
     that of straight lines through the waypoints [rad or m]
     """
-    end: NonNegative = Field(alias="to")
+    end: NonNegative = Field(validation_alias=AliasChoices("to"), serialization_alias="to")
     """where it ends, likewise"""
     by: Literal["waypoint", "length"] = "waypoint"
     """count of from and to: waypoints, or Euclidean length"""
@@ -178,9 +178,13 @@ class RetimeRequest(WithTool):
     )
 
     path: RetimePath | None = None
-    start: JointStateBody | None = Field(None, alias="from")
+    start: JointStateBody | None = Field(
+        None, validation_alias=AliasChoices("from"), serialization_alias="from"
+    )
     """in place of a path: the state to begin with"""
-    end: JointStateBody | None = Field(None, alias="to")
+    end: JointStateBody | None = Field(
+        None, validation_alias=AliasChoices("to"), serialization_alias="to"
+    )
     """in place of a path: the state to end with"""
     joint_names: Names | None = None
     """of the two states, where no robot is named"""

@@ -48,9 +48,9 @@ class Step(Body):
     """A reference that jumps; the robot starts where it stands before, at rest."""
 
     type: Literal["step"] = "step"
-    start: JointVector = Field(alias="from")
+    start: JointVector = Field(validation_alias=AliasChoices("from"), serialization_alias="from")
     """where it stands before [rad or m]"""
-    end: JointVector = Field(alias="to")
+    end: JointVector = Field(validation_alias=AliasChoices("to"), serialization_alias="to")
     """where it stands after [rad or m]"""
     at: NonNegative = 0.0
     """when it jumps [s]"""

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AliasChoices, Field
 
 from armwright_wire.base import Answer, Body, NonNegative, Positive, Ratio
 from armwright_wire.robots.payload import Payload
@@ -73,9 +73,9 @@ class RuledLimits(Answer):
 class HeldLimits(Answer):
     """Limits that a motion keeps between two instants, beside those of all of it."""
 
-    begin: float = Field(alias="from")
+    begin: float = Field(validation_alias=AliasChoices("from"), serialization_alias="from")
     """the first instant [s]"""
-    end: float = Field(alias="to")
+    end: float = Field(validation_alias=AliasChoices("to"), serialization_alias="to")
     """the last instant [s]"""
     velocity: list[float | None]
     """of each joint; null for none"""

@@ -6,7 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import (
+    AliasChoices,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    field_validator,
+    model_validator,
+)
 
 from armwright_wire.base import (
     AS_LIST,
@@ -183,7 +191,9 @@ class PointCloud(Body):
     """centres of the spheres [m]"""
     radius: Length = Field(examples=[0.01])
     """of each sphere [m]"""
-    except_: Annotated[list[LeftOut], Field(max_length=1_000)] | None = Field(None, alias="except")
+    except_: Annotated[list[LeftOut], Field(max_length=1_000)] | None = Field(
+        None, validation_alias=AliasChoices("except"), serialization_alias="except"
+    )
     """objects of the scene about which points are left out"""
 
 
