@@ -102,6 +102,7 @@ def prove_overlaps(
     return told, _too_deep(trajectory, measured, rows)
 
 
+@bounded_cache(maxsize=8)
 def unlooked(robot: RobotGeometry, scene: Scene) -> tuple[str, ...]:
     """Contacts that were not checked beside allowed pairs, a sentence each.
 
@@ -123,7 +124,6 @@ def unlooked(robot: RobotGeometry, scene: Scene) -> tuple[str, ...]:
     return (*drawn, *touching)
 
 
-@bounded_cache(maxsize=8)
 def _touching_base(robot: RobotGeometry, scene: Scene) -> tuple[tuple[str, str], ...]:
     """Links that stand still, each with an obstacle that touches it and that nobody allows to."""
     still, owners = np.flatnonzero(robot.joints < 0), scene.pieces()[1]
