@@ -213,7 +213,7 @@ class LimitAvoidance:
         any_target = isinstance(self.task.stages[k], Move)
         chain, options = world.robot.chain, self.task.stages[k].settings.options
         found: list[tuple[Target, Array]] = []
-        for batch in range(self.finder.batches(k)):
+        for batch in range(self.finder.coarse_batches(k)):
             candidates = self.finder.find(k, world, batch, parent.history, self.deadline)
             if not len(candidates.joints):
                 continue
@@ -249,7 +249,10 @@ class LimitAvoidance:
         task, node = self.task, path[depth - 1]
         for k in range(depth, len(path)):
             chosen = (target, q) if k == depth else self._choice(path[k], k, node)
-            child = child_node(task, self.cells, node, task.segments[k - 1], chosen, self.deadline)
+            segment, around = task.segments[k - 1], path[k].around
+            child = child_node(
+                task, self.cells, node, segment, chosen, self.deadline, around=around
+            )
             if not isinstance(child, Node):
                 return None
             child.cost, child.expanded = path[k].cost, path[k].expanded

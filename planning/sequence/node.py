@@ -1,14 +1,16 @@
 """Nodes of the search: the choices made so far, with the steps they lead to."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
+from kinematics.ik.closed_form.structure import structure
 from obstacles.robots.allowed_pairs import contacts_of
 from obstacles.robots.robot_geometry import sorted_pair
 from obstacles.scenes.scene import AllowedContact
@@ -49,6 +51,11 @@ from planning.sequence.world import Cell, Cells, World, contact_positions
 from planning.timing.rest_to_rest import motion_times
 from planning.values.deadline import Deadline
 
+#: Levels of a redundant arm's parameter that are tried one after the other: 64 values in all.
+_LEVELS = 3
+#: Seconds by which a configuration counts as longer of whose target many come before.
+_MANY_LATE = 10.0
+
 
 class Child(NamedTuple):
     """A configuration of a node's next target.
@@ -60,6 +67,7 @@ class Child(NamedTuple):
         joints: Shape (n,).
         cost: Cost of the configuration by itself, as seconds.
         appraised: Whether costs that need a check of the surroundings are among that.
+        around: Whether its straight motions may go round something.
     """
 
     estimate: float
@@ -68,6 +76,7 @@ class Child(NamedTuple):
     joints: Array
     cost: float = 0.0
     appraised: bool = False
+    around: bool = False
 
 
 class OwnCosts(NamedTuple):
@@ -98,6 +107,7 @@ class Node:
         onward_world: The world after those.
         onward_joints: Configuration of the arm after those steps, shape (n,).
         children: Configurations of the next target with their estimates, a heap.
+        numbers: Numbers of children to come.
         penalties: Seconds by which a target of the next segment counts as longer.
         failures: How often something failed under it.
         attempts: How often its free motion was tried.
@@ -107,6 +117,7 @@ class Node:
         cost: Cost of the configuration that was chosen, as seconds.
         at_limit: Whether the arm rests at a joint limit where the choice has it rest: at the
             target, where its approach begins, or where straight motions after it end.
+        around: Whether its straight motions may go round something.
     """
 
     parent: "Node | None"
@@ -120,6 +131,7 @@ class Node:
     onward_world: World = field(init=False)
     onward_joints: Array = field(init=False)
     children: list[Child] = field(default_factory=list)
+    numbers: Iterator[int] = field(default_factory=count)
     penalties: dict[int, float] = field(default_factory=dict)
     failures: int = 0
     attempts: int = 0
@@ -128,6 +140,7 @@ class Node:
     dead: bool = False
     cost: float = 0.0
     at_limit: bool = False
+    around: bool = False
 
     def __post_init__(self) -> None:
         self.onward_world, self.onward_joints = self.world, self.joints
@@ -196,7 +209,7 @@ class Node:
         Args:
             targets: Target of each configuration; length k.
             joints: Shape (k, n).
-            limit: Most configurations of one target that are kept.
+            limit: Most configurations of one target that are not put off.
             options: Options of the free motion there.
             costs: Costs of each configuration beside the time to it; none where None.
         """
@@ -213,10 +226,11 @@ class Node:
         for k in np.argsort(times, kind="stable"):
             index = targets[k].number
             counts[index] = counts.get(index, 0) + 1
-            if counts[index] <= limit:
-                number = len(self.children)
-                child = Child(float(times[k]), number, targets[k], joints[k], float(own[k]))
-                heappush(self.children, child)
+            late = _MANY_LATE if counts[index] > limit else 0.0
+            child = Child(
+                float(times[k]) + late, next(self.numbers), targets[k], joints[k], float(own[k])
+            )
+            heappush(self.children, child)
 
     def next_child(self, appraise: Callable[[Child], float] | None = None) -> Child | None:
         """Take the configuration of the next target that promises the most; None where all are.
@@ -336,7 +350,7 @@ def onward_steps(
         elif isinstance(stage, Straight):
             inside = world.after_insert(stage.into)
             cell = cells.cell(inside, allowed, stage.settings.margin)
-            led = lead_straight(cell, world, stage, q, deadline)
+            led = lead_straight(cell, world, stage, q, deadline, around=node.around)
             if isinstance(led, LineStopped):
                 return k, led
             after = world.after_motion(free=False).after_insert(stage.into)
@@ -369,7 +383,7 @@ def before_target(task: Task, segment: Segment, node: Node) -> World:
 
 def child_node(
     task: Task, cells: Cells, node: Node, segment: Segment, chosen: tuple[Target, Array],
-    deadline: Deadline,
+    deadline: Deadline, *, around: bool = False,
 ) -> Node | tuple[int, LineStopped]:  # fmt: skip
     """The node of one more choice, with its steps; or the approach that is too short.
 
@@ -380,6 +394,7 @@ def child_node(
         segment: The segment that the choice ends.
         chosen: The target and its configuration (n,).
         deadline: Time at which to give up.
+        around: Whether straight motions may go round something.
     """
     target, q = chosen
     stage = task.stages[segment.target]
@@ -393,7 +408,7 @@ def child_node(
         assert isinstance(approach, Straight)
         allowed = pairs | contacts_of(approach.settings.allowed, "request")
         cell = cells.cell(world, allowed, approach.settings.margin)
-        led = lead_straight(cell, world, approach, q, deadline)
+        led = lead_straight(cell, world, approach, q, deadline, around=around)
         if isinstance(led, LineStopped):
             return segment.approach, led
         q_free = led.start
@@ -419,7 +434,7 @@ def child_node(
         ),
     )  # fmt: skip
     history = {**node.history, **{step.index: step.end for step in steps}}
-    return Node(node, node.depth + 1, reached, q, history, target, steps)
+    return Node(node, node.depth + 1, reached, q, history, target, steps, around=around)
 
 
 def target_world(world: World, stage: Stage, target: Target) -> World:
@@ -470,11 +485,17 @@ class TargetFinder:
     def __init__(self, task: Task, cells: Cells) -> None:
         self._task, self._cells = task, cells
         self._candidates: dict[object, Candidates] = {}
+        form = structure(task.world.robot.chain)
+        self._levels = _LEVELS if form is not None and form.redundant else 1
 
-    def batches(self, k: int) -> int:
-        """Number of batches of a stage's targets."""
+    def coarse_batches(self, k: int) -> int:
+        """Number of batches of a stage's targets, of redundant arms those tried first."""
         # 256 targets are checked together; each batch is spread over the whole list.
         return -(-target_count(self._task.stages[k]) // 256)
+
+    def batches(self, k: int) -> int:
+        """Number of batches of a stage's targets; of redundant arms the same ones more finely."""
+        return self._levels * self.coarse_batches(k)
 
     def find(
         self, k: int, world: World, batch: int, history: dict[int, Array], deadline: Deadline
@@ -492,10 +513,12 @@ class TargetFinder:
         back = stage.to_end_of if isinstance(stage, Move) else None
         key = (k, batch, world.key, None if back is None else history[back].tobytes())
         if key not in self._candidates:
-            targets = stage_targets(stage, world, history)[batch :: self.batches(k)]
+            count = self.coarse_batches(k)
+            level, part = divmod(batch, count)
+            targets = stage_targets(stage, world, history)[part::count]
             cell = self.cell(k, world)
             self._candidates[key] = find_candidates(
-                cell.robot.chain, targets, cell.checker, deadline, self._task.seed
+                cell.robot.chain, targets, cell.checker, deadline, self._task.seed, level
             )
         return self._candidates[key]
 

@@ -10,6 +10,9 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 from kinematics.arrays import Array
+from kinematics.ik.closed_form.analytic import branches
+from kinematics.ik.closed_form.arm_parts import out_of_reach
+from kinematics.ik.closed_form.structure import structure
 from planning.sequence.node import Node
 from planning.sequence.result import SequenceFailure, StagePlan, Trial
 from planning.sequence.stage import Grasp, Stage, describe_stage
@@ -20,6 +23,8 @@ from planning.values.deadline import Deadline
 
 #: Outcomes by how near they come to a solution.
 _ORDER = ("out_of_reach", "outside_limits", "in_collision", "open", "failed", "solved")
+#: Reasons for stops of an arm that comes to the end of its reach.
+_AT_THE_END = ("singularity", "unreachable", "branch", "deviation")
 #: Reasons of collisions begin so.
 _COLLIDES = "in collision: "
 
@@ -43,12 +48,14 @@ class Blame(NamedTuple):
         reason: A short sentence.
         times: How often it was the reason.
         details: Values a program can use: pair and depth of a collision.
+        others: Other reasons there with how often each was one, in words.
     """
 
     stage: int
     reason: str
     times: int
     details: dict[str, Any]
+    others: str = ""
 
 
 class Record:
@@ -88,6 +95,8 @@ class Record:
             trial = self._trial((*choices, index), stage)
             if reached:
                 continue
+            if candidates.level and _ORDER.index(outcome.value) <= _ORDER.index(trial.outcome):
+                continue  # as coarsely found
             trial.outcome = max(trial.outcome, outcome.value, key=_ORDER.index)
             if trial.outcome == "open":
                 trial.outcome = outcome.value
@@ -140,14 +149,16 @@ class Record:
         """The stage that cuts off what passed all other checks; None where nothing failed."""
         if not self._reasons:
             return None
-        (stage, reason), count = self._reasons[max(self._reasons)].most_common(1)[0]
+        ((stage, reason), count), *more = self._reasons[max(self._reasons)].most_common(4)
+        told = [f"{other} ({times} times)" for (k, other), times in more if k == stage]
+        others = f"; also {', '.join(told)}" if told else ""
         overlaps = [one.least_overlap() for one in self._colliding.get(stage, ())]
         known = [overlap for overlap in overlaps if overlap is not None]
         if not (known and reason.startswith(_COLLIDES)):
-            return Blame(stage, reason, count, {})
+            return Blame(stage, reason, count, {}, others)
         depth, pair = min(known)
         text = f"{_COLLIDES}{pair[0]} and {pair[1]}, at best by {depth:.4g} m"
-        return Blame(stage, text, count, {"pair": list(pair), "depth": depth})
+        return Blame(stage, text, count, {"pair": list(pair), "depth": depth}, others)
 
     def reached(self) -> int:
         """Number of the last stage at which something failed."""
@@ -201,7 +212,7 @@ def search_failure(
         late: Whether time was up.
         prefix: Proved stages of the combination that came farthest.
     """
-    k, reason, times, known = record.blame() or Blame(0, "time was up", 1, {})
+    k, reason, times, known, others = record.blame() or Blame(0, "time was up", 1, {})
     what = describe_stage(task.stages, k)
     hint = hint_of(task.stages[k], reason)
     details = {"index": k, "reason": reason, "count": times, **known}
@@ -209,12 +220,12 @@ def search_failure(
         code = "TIMED_OUT"
         message = (
             f"no proved answer within the timeout of {timeout:.3g} s; the search "
-            f"came to {what}: {reason} ({times} times)"
+            f"came to {what}: {reason} ({times} times){others}"
         )
         hint = f"Allow more time. {hint}"
     else:
         code = "PLANNING_FAILED"
-        message = f"no combination can be done: {what} fails: {reason} ({times} times)"
+        message = f"no combination can be done: {what} fails: {reason} ({times} times){others}"
     details = deadline.interruptions.reported_in(code, details)
     reached = max(record.reached(), k)
     return SequenceFailure(code, message, hint, k, details, record.trials, prefix, reached=reached)
@@ -224,4 +235,14 @@ def describe_stop(led: LineStopped | str) -> str:
     """Why a straight motion is too short, or fingers hold nothing, in words."""
     if isinstance(led, str):
         return led
-    return f"the tool comes {led.distance:.3g} m straight: {led.stop.message}"
+    reason = led.stop.message
+    if led.stop.reason in _AT_THE_END:
+        chain, end = led.checker.model.robot.chain, led.way.pose(1.0)
+        form = structure(chain)
+        if form is not None and not form.redundant and not len(branches(chain, end).table):
+            gap = out_of_reach(chain, end) or 0.0
+            by = f", by {gap:.4g} m of its wrist at least" if gap > 0.0 else ""
+            reason = (
+                f"out_of_reach: the shortest way asked for, {led.way.length:.3g} m, ends there{by}"
+            )
+    return f"the tool comes {led.distance:.3g} m straight: {reason}"

@@ -14,6 +14,8 @@ from heapq import heapify, heappop, heappush
 from itertools import count
 from typing import NamedTuple
 
+import numpy as np
+
 from kinematics.arrays import Array, typed
 from planning.result import Failure
 from planning.sequence.configuration_choice import (
@@ -42,7 +44,7 @@ from planning.sequence.result import (
     total_duration,
 )
 from planning.sequence.stage import Grasp, describe_stage
-from planning.sequence.step import Step, plan_step
+from planning.sequence.step import LineStopped, Step, plan_step
 from planning.sequence.target import Target
 from planning.sequence.task import Segment, Task
 from planning.sequence.via_blending import pass_ends
@@ -97,6 +99,8 @@ class _Search:
         self._open: list[tuple[float, int, Node]] = []
         self._finder = TargetFinder(task, self._cells)
         self._costs = ConfigurationCosts(options.goal_costs)
+        #: Whether a straight way of a target was found that goes round something.
+        self._rounds: dict[object, bool] = {}
         self._best: _Best | None = None
         self._prefix: tuple[StagePlan, ...] = ()
         self._improvements: list[Improvement] = []
@@ -157,6 +161,10 @@ class _Search:
         if stopped is not None:
             k, led = stopped
             self._record.note_failure(node, k, describe_stop(led))
+            at_target = isinstance(led, LineStopped) and np.array_equal(led.start, node.joints)
+            if node.parent is not None and node.target is not None and at_target:
+                assert isinstance(led, LineStopped)
+                self._look_round(node.parent, node.target, k, led)
             return False
         node.at_limit = rests_at_limit(self._task.world.robot.chain, node)
         return segment.trails or self._load(node)
@@ -190,10 +198,14 @@ class _Search:
 
     def _add_child(self, node: Node, taken: Child) -> None:
         segment, target, joints = self._task.segments[node.depth], taken.target, taken.joints
-        if not self._leads_to_place(node, segment, target, joints):
+        refuted = not self._rounds.get(self._key(node, target), True)
+        if refuted or not self._leads_to_place(node, segment, target, joints):
             node.children = _without(node, target)
             return
-        child = child_node(self._task, self._cells, node, segment, (target, joints), self._until)
+        child = child_node(
+            self._task, self._cells, node, segment, (target, joints), self._until,
+            around=taken.around,
+        )  # fmt: skip
         if isinstance(child, Node):
             child.cost = taken.cost
             child.at_limit = rests_at_limit(self._task.world.robot.chain, child)
@@ -203,6 +215,46 @@ class _Search:
         stages = segment.target, k
         self._record.note_child(node, target.number, stages, describe_stop(led), joints)
         node.blame(target)
+        self._look_round(node, target, k, led)
+
+    def _look_round(self, node: Node, target: Target, k: int, led: LineStopped) -> None:
+        """Put the configuration next whose straight way goes round what others meet on theirs.
+
+        Where no configuration of the target has such a way, all of them are left out.
+
+        Args:
+            node: The choices before.
+            target: A target of the next segment.
+            k: Number of the stage of the straight way.
+            led: The way of one of the target's configurations.
+        """
+        key, world = self._key(node, target), self._before(node)
+        if (*key, k) in self._rounds:
+            return
+        number = self._task.segments[node.depth].target
+        every = [
+            self._finder.find(number, world, batch, node.history, self._until)
+            for batch in range(self._finder.batches(number))
+        ]
+        found = led.found_round(
+            [led.start, *(q for one in every for q in one.joints_of(target))],
+            self._until,
+            any_start=True,
+        )
+        self._rounds[(*key, k)] = found is not None
+        if found is not None:
+            if not node.children:
+                self._push(node, 0.0)
+            q = found.segments[0].start
+            heappush(node.children, Child(0.0, next(node.numbers), target, q, around=True))
+        elif not self._until.passed:
+            self._rounds[key] = False
+            node.children = _without(node, target)
+
+    def _key(self, node: Node, target: Target) -> tuple[object, ...]:
+        """All that a target hangs on after the choices of a node, but for free motions to it."""
+        joints = None if target.joints is None else target.joints.tobytes()
+        return node.depth, self._before(node).key, target.number, joints
 
     def _leads_to_place(self, node: Node, segment: Segment, target: Target, q: Array) -> bool:
         """Whether with a grasp some place of the object has a valid configuration."""

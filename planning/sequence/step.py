@@ -38,8 +38,16 @@ from planning.sequence.world import Cell, Cells, World
 from planning.timing.rest_to_rest import motion_times, passing_time
 from planning.tool_motions.tool_motion import line
 from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolRun
-from planning.tool_paths.tool_following import lead_tool
+from planning.tool_motions.tool_tolerance import ToolTolerance
+from planning.tool_paths.seams.following import segments
+from planning.tool_paths.seams.nodes import COARSE, Density
+from planning.tool_paths.seams.path import seam_places
+from planning.tool_paths.seams.search import SeamSearch
+from planning.tool_paths.tool_following import free_part, lead_tool
 from planning.values.deadline import Deadline
+
+#: Configurations of each place of a straight way that an arm may find round something.
+_FINELY = Density(1000, 64, 5)
 
 
 class Line(NamedTuple):
@@ -64,10 +72,46 @@ class LineStopped(NamedTuple):
     Args:
         distance: How far the tool comes [m].
         stop: The reason.
+        way: The shortest way that would do.
+        start: Configuration that it begins at, shape (n,).
+        checker: The robot in its surroundings.
+        tolerances: Deviations that the tool may have.
     """
 
     distance: float
     stop: Stop
+    way: ToolRun
+    start: Array
+    checker: Checker
+    tolerances: Tolerances
+
+    def found_round(
+        self, starts: Sequence[Array], deadline: Deadline, *, any_start: bool = False
+    ) -> ToolPath | None:
+        """The way from one of some configurations, the arm moving round what is in its way.
+
+        An arm with more than six joints can do so while its tool goes straight. Where an arm begins
+        in a singular configuration, others of these have another way.
+
+        Args:
+            starts: Configurations (n,) with the tool where the way begins, best near to the first.
+            deadline: Time at which to give up.
+            any_start: Whether it may also begin in other configurations.
+        """
+        exact = ToolTolerance(np.zeros(6), np.zeros(6))
+        places = seam_places((replace(self.way, tolerances=(exact,)),))
+        search = SeamSearch(self.checker, places, starts[0], (), deadline)
+        more = search.beginnings(_FINELY) if any_start else ()
+        search = replace(search, first=np.array([*starts, *more]))
+        for every, density in ((False, COARSE), (True, _FINELY)):
+            found = search.run(every, density).joints
+            if found is None:
+                continue
+            led = segments(self.checker, places, found, self.tolerances, deadline)
+            free = None if led is None else free_part(self.checker, led[0])
+            if free is not None and free.stop is None:
+                return ToolPath((self.way,), (free,), 1.0, None, self.tolerances)
+        return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +133,7 @@ class KnownLine:
 
 
 def lead_straight(
-    cell: Cell, world: World, stage: Straight, q: Array, deadline: Deadline
+    cell: Cell, world: World, stage: Straight, q: Array, deadline: Deadline, *, around: bool = False
 ) -> Line | LineStopped:
     """The longest straight motion that a stage allows, proved free.
 
@@ -99,6 +143,8 @@ def lead_straight(
         stage: The direction and the distances.
         q: Beginning of the motion; where it ends, of an approach. Shape (n,).
         deadline: Time at which to give up.
+        around: Whether to search for a way round something where the shortest joint motion meets
+            it.
     """
     chain = cell.robot.chain
     T = forward(chain, q)
@@ -112,28 +158,30 @@ def lead_straight(
     tolerances = Tolerances(options.max_deviation, orientation)
     # Slack of straight motions where their end has twice as much to spare [m].
     slack = min(1e-4, 0.5 * max(cell.checker.clearance(q)[0], 0.0))
-    lead = partial(_lead, chain, Checker(cell.checker.model, slack), q, T, tolerances, deadline)
-    path = lead(along, stage.most)
+    checker = Checker(cell.checker.model, slack)
+    ways = partial(_way, T, along)
+    path = lead_tool(chain, checker, q, [ways(stage.most)], tolerances, deadline)
     if path.stop is not None:
         reached = path.segments[0].reached * stage.most
-        if reached < stage.least:
-            return LineStopped(reached, path.stop)
-        # A straight motion that meets something ends this much earlier, if it may [m].
-        path = lead(along, max(stage.least, reached - 0.005))
+        stopped = LineStopped(reached, path.stop, ways(stage.least), q, checker, tolerances)
+        if reached >= stage.least:
+            # A straight motion that meets something ends this much earlier, if it may [m].
+            way = ways(max(stage.least, reached - 0.005))
+            path = lead_tool(chain, checker, q, [way], tolerances, deadline)
         if path.stop is not None:
-            return LineStopped(reached, path.stop)
+            found = stopped.found_round([q], deadline) if around else None
+            if found is None:
+                return stopped
+            path = found
     if backwards:
         path = reverse(path)
     segment = path.segments[0]
     return Line(path, segment.start, segment.end, path.runs[0].length)
 
 
-def _lead(
-    chain: Chain, checker: Checker, q: Array, T: Array, tolerances: Tolerances,
-    deadline: Deadline, along: Array, distance: float,
-) -> ToolPath:  # fmt: skip
-    end = transform(T[:3, :3], T[:3, 3] + distance * along)
-    return lead_tool(chain, checker, q, [ToolRun.of(line(T, end))], tolerances, deadline)
+def _way(T: Array, along: Array, distance: float) -> ToolRun:
+    """A straight way of the tool from a pose (4, 4)."""
+    return ToolRun.of(line(T, transform(T[:3, :3], T[:3, 3] + distance * along)))
 
 
 def reverse(path: ToolPath) -> ToolPath:

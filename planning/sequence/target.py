@@ -23,6 +23,7 @@ from planning.goal_choice.goal_order import is_at_limit
 from planning.planner import TOUCHING
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits
 from planning.problem import JointGoal
+from planning.reach.evaluation import parameter_values
 from planning.sequence.stage import Grasp, Move, Place, Stage
 from planning.sequence.world import Contact, World
 from planning.values.deadline import Deadline
@@ -80,6 +81,7 @@ class Candidates:
         targets: Target of each configuration, its target; length k.
         joints: Shape (k, n) [rad or m].
         outcomes: Outcomes of each target that was checked, by its number, what came of it.
+        level: Level of the values of a redundant arm's parameter that were tried.
         complete: Whether all targets were checked before the deadline.
         colliding: Some of the configurations of targets that all collide, shape (m, n).
         checker: Checker of collisions.
@@ -88,9 +90,14 @@ class Candidates:
     targets: tuple[Target, ...]
     joints: Array
     outcomes: dict[int, Verdict] = field(default_factory=dict)
+    level: int = 0
     complete: bool = True
     colliding: tuple[Array, ...] = ()
     checker: Checker | None = None
+
+    def joints_of(self, target: Target) -> Array:
+        """Configurations of one of the targets, shape (k, n)."""
+        return self.joints[[one.number == target.number for one in self.targets]]
 
     def least_overlap(self) -> tuple[float, tuple[str, str]] | None:
         """The least deep of the collisions [m], and its pair; None where nothing collides."""
@@ -145,8 +152,9 @@ def target_count(stage: Stage) -> int:
 
 
 def find_candidates(
-    chain: Chain, targets: list[Target], checker: Checker, deadline: Deadline, seed: int
-) -> Candidates:
+    chain: Chain, targets: list[Target], checker: Checker, deadline: Deadline, seed: int,
+    level: int = 0,
+) -> Candidates:  # fmt: skip
     """Valid configurations of targets: every branch of the closed form, or those of a search.
 
     Args:
@@ -155,6 +163,7 @@ def find_candidates(
         checker: Checker of the robot with what it holds, in its scene.
         deadline: Time at which to check no more targets.
         seed: Seed of the numeric search.
+        level: Level of the values of a redundant arm's parameter that are tried.
     """
     rows: list[Array] = []
     owners: list[Target] = []
@@ -168,7 +177,7 @@ def find_candidates(
             break
         part = targets[first : first + chunk]
         for target, (reached, joints) in zip(
-            part, _solutions(chain, form, part, seed), strict=True
+            part, _solutions(chain, form, part, (seed, level)), strict=True
         ):
             valid, outcomes[target.number] = _assess(checker, reached, joints)
             rows += valid
@@ -178,13 +187,20 @@ def find_candidates(
                 colliding.extend(joints[: max(240 - len(colliding), 0)])
     joints = np.array(rows).reshape(-1, chain.n)
     complete = len(outcomes) == len(targets)
-    return Candidates(tuple(owners), joints, outcomes, complete, tuple(colliding), checker)
+    return Candidates(tuple(owners), joints, outcomes, level, complete, tuple(colliding), checker)
 
 
 def _solutions(
-    chain: Chain, form: Structure | None, targets: list[Target], seed: int
+    chain: Chain, form: Structure | None, targets: list[Target], how: tuple[int, int]
 ) -> list[tuple[bool, Array]]:
-    """For each target whether some branch reaches it, and the configurations inside the limits."""
+    """For each target whether some branch reaches it, and the configurations inside the limits.
+
+    Args:
+        chain: The robot.
+        form: Its closed form; None where it has none.
+        targets: The alternatives.
+        how: Seed of the numeric search, and level of a redundant arm's parameter.
+    """
     answers: list[tuple[bool, Array]] = [
         (True, _inside(chain, np.atleast_2d(np.asarray(target.joints, dtype=np.float64))))
         if target.joints is not None
@@ -194,21 +210,28 @@ def _solutions(
     posed = [k for k, target in enumerate(targets) if target.T is not None]
     if posed:
         T = np.array([targets[k].T for k in posed])
-        solved = _by_search(chain, T, seed) if form is None else _by_closed_form(chain, form, T)
+        solved = (
+            _by_search(chain, T, how[0])
+            if form is None
+            else _by_closed_form(chain, form, T, how[1])
+        )
         for k, answer in zip(posed, solved, strict=True):
             answers[k] = answer
     return answers
 
 
-def _by_closed_form(chain: Chain, form: Structure, T: Array) -> list[tuple[bool, Array]]:
-    values = _parameters(chain, form) if form.redundant else None
+def _by_closed_form(
+    chain: Chain, form: Structure, T: Array, level: int
+) -> list[tuple[bool, Array]]:
+    values = parameter_values(chain, form, level) if form.redundant else None
     table = branches(chain, T, parameters=values, tolerance=CLOSE, threads=1)
     assert table.counts is not None
     answers = []
     for k, count in enumerate(table.counts):
         rows = table.table[k, :count]
         inside = rows[table.within_limits[k, :count], : chain.n]
-        answers.append((count > 0, inside))
+        # A way along which a joint would go beyond its limit may be free a whole turn away.
+        answers.append((count > 0, np.concatenate([inside, inner_turns(chain, inside)])))
     return answers
 
 
@@ -253,16 +276,6 @@ def _away_from_limits(chain: Chain, T: Array, found: Array, seed: int) -> Array:
     ).solutions
     rows = [inner_turns(chain, found), *(s.joints[None] for s in solutions)]
     return np.concatenate(rows)
-
-
-def _parameters(chain: Chain, form: Structure) -> Array:
-    """Values of a redundant arm's parameter, all around it."""
-    # Values of a redundant arm's parameter that are tried.
-    parameters = 12
-    if form.locked is None:
-        return np.asarray(np.arange(parameters) * 2.0 * np.pi / parameters - np.pi)
-    low, high = chain.sampling_bounds()
-    return np.linspace(low[form.locked], high[form.locked], parameters + 2)[1:-1]
 
 
 def _inside(chain: Chain, joints: Array) -> Array:

@@ -59,6 +59,13 @@ class Nodes(NamedTuple):
     firsts: NDArray[np.int64]
     outside: NDArray[np.bool_]
 
+    def begun_at(self, joints: Array) -> "Nodes":
+        """The same with others at the first place, shape (k, n)."""
+        first = self.firsts[1]
+        rows = np.concatenate([joints, self.joints[first:]])
+        firsts = np.concatenate([[0], self.firsts[1:] - first + len(joints)])
+        return Nodes(np.ascontiguousarray(rows), firsts, self.outside)
+
 
 def sample_deviations(tolerance: ToolTolerance, is_redundant: bool) -> Array:
     """Deviations within a tolerance on a grid, shape (g, 6), the least first.

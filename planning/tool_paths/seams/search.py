@@ -212,6 +212,7 @@ class SeamSearch:
         start: Configuration before the seam, shape (n,).
         tool_speeds: Speed on the way to each waypoint but the first [m/s]; empty for none.
         deadline: Time at which to stop.
+        first: Configurations that the seam may begin at, shape (k, n); None for any.
     """
 
     checker: Checker
@@ -219,6 +220,7 @@ class SeamSearch:
     start: Array
     tool_speeds: tuple[float, ...]
     deadline: Deadline
+    first: Array | None = None
 
     @property
     def chain(self) -> Chain:
@@ -267,6 +269,8 @@ class SeamSearch:
         found = nodes(chain, self.places, layers, self.start, density)
         if density is DENSE:
             found = self._with_neighbours(layers, found, density.most)
+        if self.first is not None:
+            found = found.begun_at(self.first)
         joints, firsts = found.joints, found.firsts
         lower, upper = _narrow(chain)
         half = 0.5 * (upper - lower)
@@ -287,6 +291,16 @@ class SeamSearch:
         return SeamGraph(
             layers, found, costs, np.full(m, np.inf), empty - 1, empty.copy(), empty != 0
         )
+
+    def beginnings(self, density: Density) -> Array:
+        """Configurations at the first place near to those at the second one, shape (k, n).
+
+        Where an arm is singular, inverse kinematics answers few of the many that it can begin in.
+        """
+        joints = nodes(self.chain, self.places, np.array([1]), self.start, density).joints
+        first = np.zeros(len(joints), dtype=np.int64)
+        errors = self._project(joints, first, np.array(_narrow(self.chain)))
+        return np.asarray(joints[errors.max(axis=1, initial=0.0) <= REACHED])
 
     def _with_neighbours(self, layers: NDArray[np.int64], found: Nodes, most: int) -> Nodes:
         """Configurations, where a layer has none those of the layers beside it moved there.
