@@ -37,7 +37,7 @@ WITHOUT_A_BOUND = {
     ("obstacles/collision/checker.py", "_direct"),
     ("obstacles/scenes/scene.py", "_field_names"),
     ("obstacles/convex/triangles.py", "_inner_radius"),
-    ("obstacles/robots/built_in_looks.py", "_looks"),
+    ("obstacles/robots/visual_geometry.py", "_looks"),
     ("service/viewer/page.py", "_asset"),
     ("client/armwright_client/call.py", "_method"),
 }

@@ -16,9 +16,8 @@ from kinematics.forward import forward
 from kinematics.model.chain import Chain, JointType, MimicJoint
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.convex.triangles import Triangles, join, piece_triangles
-from obstacles.robots.built_in_looks import built_in_looks
 from obstacles.robots.robot_geometry import RobotGeometry
-from obstacles.robots.visual_geometry import VisualBody, VisualGeometry
+from obstacles.robots.visual_geometry import VisualBody, VisualGeometry, built_in_looks
 from obstacles.scenes.scene import Obstacle, Scene
 from planning.values.search_trees import WHOLE, Edge, Explored
 from service.fields import picked

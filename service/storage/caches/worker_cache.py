@@ -9,9 +9,8 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.root_frame import TOOL
 from obstacles.kept_files import keep_files_in
-from obstacles.robots.built_in_looks import built_in_looks
 from obstacles.robots.link_margins import with_margins
-from obstacles.robots.visual_geometry import VisualGeometry
+from obstacles.robots.visual_geometry import VisualGeometry, built_in_looks
 from obstacles.scenes.placement import in_frame, place
 from obstacles.scenes.scene import Scene
 from service.storage.caches import disk_cache, prepared_files

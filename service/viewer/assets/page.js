@@ -63,7 +63,7 @@ function draw() {
   if (shown.path) view.lines(path, [0.1, 0.35, 0.7]);
   if (shown.tree) for (const tree of trees) view.strokes(tree.buffer, tree.count, tree.color, true);
   if (near && near.points) view.lines(near.points, [0.8, 0.1, 0.05]);
-  const moves = (body) => !["obstacle", "moved", "visual"].includes(body.kind) && body.joint >= 0;
+  const moves = (body) => !["obstacle", "moved"].includes(body.kind) && body.joint >= 0 && isDrawn(body);
   if (shown.ghosts) for (const ghost of ghosts) view.draw(ghost, { only: moves, color: () => [0.3, 0.5, 0.8], alpha: 0.12 });
   if (!motion && shown.others) singles.forEach((single, i) => {
     if (i !== state.chosen) view.draw(single, { only: moves, color: () => VERDICTS[data.configurations[i].cause || data.configurations[i].verdict][0], alpha: 0.15 });

@@ -9,7 +9,7 @@ import trimesh
 import armwright as aw
 from kinematics.model.robot_names import builtin_names
 from kinematics.trajectory.trajectory import stay
-from obstacles.robots.built_in_looks import built_in_looks
+from obstacles.robots.visual_geometry import built_in_looks
 from obstacles.scenes.scene import Scene
 from service.viewer.document import bodies, robot_document, visual_bodies
 
