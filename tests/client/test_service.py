@@ -15,7 +15,7 @@ import armwright_client as ours
 from armwright_client import AsyncClient, Client, Pose
 from service.app import create_app
 from service.settings import Settings
-from tests.client.world import AWAY, POST, READY, TABLE, box, planar
+from tests.client.world import POST, TABLE, box, planar
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -120,45 +120,7 @@ def test_an_archive_becomes_a_robot(client: Client, tmp_path: Path) -> None:
 # ---------------------------------------------------------------------- kinematics and dynamics
 
 
-def test_a_closed_loop_is_read_with_its_tube(client: Client) -> None:
-    scene = ours.Scene(obstacles=[TABLE])
-    motion = client.plan("panda", READY, AWAY, scene=scene).trajectory
-    adaptive = {"type": "adaptive", "natural_frequency": 15.0}
-    found = client.simulate("panda", motion, adaptive, scene=scene, sample_period=0.05, seed=3)
-    assert (found.outcome, found.controller.type) == ("completed", "adaptive")
-    assert len(found.time) == len(found.lyapunov) == len(found.torque)
-    assert found.estimate is not None
-    assert found.tube is not None
-    with pytest.raises(ours.ApiError, match="natural_frequency"):
-        client.simulate("panda", motion, {"type": "passivity"})
-
-
 # ---------------------------------------------------------------------------- checks and scenes
-
-
-def test_checks_tell_what_collides(client: Client, table: str) -> None:
-    assert client.check("panda", READY, scene=table).valid
-    block = ours.Scene(obstacles=[box("block", (0.3, 0.3, 0.3), (0.3, 0.0, 0.6))])
-    answer = client.check("panda", READY, scene=block)
-    assert not answer.valid
-    assert answer.clearance is not None
-    assert answer.clearance < 0.0
-    assert any("block" in collision.pair for collision in answer.collisions)
-    batch = client.check_batch("panda", [READY, AWAY], scene=table, timeout=30)
-    assert batch.valid == [True, True]
-    beyond = client.check("panda", (9.0, *READY[1:]))
-    assert beyond.limit_violations[0].value == 9.0
-
-
-def test_a_part_in_the_hand_is_checked_too(client: Client) -> None:
-    robot = client.robots.get("panda")
-    rod = ours.Attached(
-        id="rod", shape=ours.Capsule(radius=0.01, height=0.6), pose=Pose.at(0, 0, 0.4),
-        link=robot.tip_link, touch_links=robot.links,
-    )  # fmt: skip
-    floor = ours.Scene(obstacles=[box("floor", (3, 3, 0.02), (0, 0, -0.2))], allowed_collisions=[])
-    answer = client.check("panda", READY, scene=floor, attached=[rod])
-    assert [set(collision.pair) for collision in answer.collisions] == [{"rod", "floor"}]
 
 
 def test_scenes_are_stored_listed_replaced_and_forgotten(client: Client) -> None:

@@ -41,25 +41,6 @@ def test_plans_are_certified(plan: ours.Plan) -> None:
     assert plan.reproducibility.seed == 3
 
 
-def test_plans_can_be_validated_again(client: Client, plan: ours.Plan) -> None:
-    scene = ours.Scene(obstacles=[TABLE, POST])
-    certificate = client.validate("panda", plan.trajectory, scene=scene, timeout=60)
-    assert certificate.verified
-    # The same motion with a block in its way is refused, with the moment.
-    middle = client.robots.fk("panda", plan.trajectory.sample([plan.trajectory.duration / 2])[0])
-    block = box("block", (0.1, 0.1, 0.1), middle.pose.position)
-    blocked = ours.Scene(obstacles=[TABLE, POST, block])
-    refused = client.validate("panda", plan.trajectory, scene=blocked, timeout=60)
-    assert not refused.verified
-    assert refused.violation is not None
-    assert 0.0 < refused.violation["time"] < plan.trajectory.duration
-    # And so is one that is faster than the joints are.
-    slow = client.validate(
-        "panda", plan.trajectory, limits=ours.LimitValues(velocity=[0.01] * 7), timeout=60
-    )
-    assert not slow.verified
-
-
 def test_failures_of_planning_are_told_apart(client: Client) -> None:
     block = ours.Scene(obstacles=[box("block", (0.3, 0.3, 0.3), (0.3, 0.0, 0.6))])
     with pytest.raises(ours.StartStateInCollision) as start:

@@ -353,17 +353,6 @@ def test_frames_are_those_of_the_joints(chain: Chain) -> None:
         )
 
 
-def test_matrix_expressions_serve_as_well() -> None:
-    chain = symbolic_random_chain(5, 5)
-    q = casadi.MX.sym("q", chain.n)
-    both = casadi.Function("f", [q], [symbolic_frames(chain, q)[-1], symbolic_jacobian(chain, q)])
-    value = random_state(chain, 4, 1)[0][0]
-    T, J = both(value)
-    last = joint_frames(chain, value)[-1]
-    np.testing.assert_allclose(np.array(T), last, atol=1e-12, rtol=0)
-    np.testing.assert_allclose(np.array(J), geometric(chain, value), atol=1e-12, rtol=0)
-
-
 def test_faults_are_named() -> None:
     chain = symbolic_random_chain(0, 3)
     with pytest.raises(InvalidRobotState, match="3 joints"):

@@ -14,12 +14,6 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward, joint_frames
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_srdf, builtin_urdf
-from kinematics.tree.description import (
-    BoxGeometry,
-    CylinderGeometry,
-    LinkDescription,
-    SphereGeometry,
-)
 from kinematics.tree.srdf import parse_srdf
 from kinematics.urdf.urdf import parse_urdf
 from tests.kinematics.builtin import NAMES, configurations, model, pin_configuration
@@ -316,54 +310,6 @@ def test_every_inertia_belongs_to_a_body(name: str) -> None:
         # Six digits are given: where the bound is reached, rounding may pass it by so much.
         assert high <= (low + middle) * (1 + 1e-5), link.name
     assert total == pytest.approx(TOTAL[name], abs=0.01)
-
-
-def spread_evenly(link: LinkDescription) -> Any:
-    """Pinocchio's inertia of the link's mass spread over its solids by volume."""
-    assert link.inertia is not None
-    bodies, volumes = [], []
-    for element in link.collisions:
-        match element.geometry:
-            case BoxGeometry(size=(x, y, z)):
-                body, volume = pin.Inertia.FromBox(1.0, x, y, z), x * y * z
-            case CylinderGeometry(radius=r, length=length):
-                body = pin.Inertia.FromCylinder(1.0, r, length)
-                volume = np.pi * r * r * length
-            case SphereGeometry(radius=r):
-                body, volume = pin.Inertia.FromSphere(1.0, r), 4 / 3 * np.pi * r**3
-            case other:
-                raise AssertionError(other)
-        bodies.append((body, pin.SE3(np.array(element.T_link_element))))
-        volumes.append(volume)
-    whole = pin.Inertia.Zero()
-    for (body, placement), volume in zip(bodies, volumes, strict=True):
-        mass = link.inertia.mass * volume / sum(volumes)
-        whole += placement.act(pin.Inertia(mass, body.lever, body.inertia * mass))
-    return whole
-
-
-ESTIMATED = [
-    ("panda", ["panda_link0"]),
-    ("ur5e", ["base"]),
-    ("iiwa14", [f"iiwa_link_{i}" for i in range(8)]),
-    ("kr6_sixx", ["base_link", *(f"link_{i}" for i in range(1, 7))]),
-    ("puma560", ["base_link"]),
-    ("scara", ["base_link", *(f"link_{i}" for i in range(1, 5))]),
-    ("stanford", ["base_link"]),
-    ("elbow_wrist", ["base_link", *(f"link_{i}" for i in range(1, 7))]),
-]
-
-
-@pytest.mark.parametrize(("name", "links"), ESTIMATED)
-def test_estimated_inertias_are_those_of_the_solids(name: str, links: list[str]) -> None:
-    description = parse_urdf(builtin_urdf(name))
-    for link in links:
-        ours = description.links[link].inertia
-        assert ours is not None
-        expected = spread_evenly(description.links[link])
-        np.testing.assert_allclose(ours.tensor, expected.inertia, rtol=2e-5, atol=1e-8)
-        if name != "iiwa14" or link == "iiwa_link_0":  # the others' centres are published
-            np.testing.assert_allclose(ours.center_of_mass, expected.lever, atol=1e-5)
 
 
 class SelfCollision:

@@ -51,37 +51,6 @@ def test_what_is_taken_is_no_obstacle_any_more(client: httpx.Client) -> None:
     assert by_request(many) == [["crate", "table"]]
 
 
-def test_groups_and_patterns_are_pairs_of_their_links(client: httpx.Client) -> None:
-    hull = answer(client.get("/v1/robots/panda"))
-    solids = {body["link"] for body in answer(client.get("/v1/robots/panda/geometry"))["bodies"]}
-    carried = sorted(solids - {hull["base_link"], "panda_link0"})
-    expected = sorted(sorted([name, "crate"]) for name in carried)
-    inside = {"obstacles": [CRATE]}
-    assert not check(client, scene=inside)["valid"]
-    by_name = check(client, scene=inside, allowed_collisions=[["arm", "crate"]])
-    assert by_name["valid"]
-    assert by_request(by_name) == expected
-    assert check(client, scene=inside | {"allowed_collisions": [["crate", "arm"]]})["valid"]
-    body: dict[str, Any] = {
-        "robot": "panda", "scene": inside, "start": {"joints": DOWN},
-        "stages": [{"kind": "move", "goal": {"joints": [0.05, *DOWN[1:]]}}],
-    }  # fmt: skip
-    for name, listed in (("arm", expected), ("panda_link*", None), ("*", None)):
-        stage = body["stages"][0] | {"allowed_collisions": [[name, "crate"]]}
-        request = body | {"stages": [stage]}
-        if listed is None:
-            stage["allowed_collisions"].append(["panda_hand", "crate"])
-        plan = answer(client.post("/v1/tasks", json=request))
-        (told,) = [one["certificate"] for one in plan["stages"]]
-        assert told["verified"]
-        assert listed is None or by_request(told) == listed
-    stage["allowed_collisions"] = [["armm", "crate"]]
-    refused = problem(
-        client.post("/v1/tasks", json=body | {"stages": [stage]}), 422, "INVALID_OBJECT_NAME"
-    )
-    assert "'arm' meant" in refused["detail"]
-
-
 def test_plan_validate_and_ik_know_what_is_held(client: httpx.Client) -> None:
     resting = HELD | {"touch_links": [*FINGERS, "table"], "mass": 1.5}
     body = {

@@ -204,16 +204,6 @@ def test_points_with_normals_are_followed_with_a_free_spin(client: httpx.Client)
     assert np.abs(T[:, 2, 3] - 0.35).max() <= 1.1e-4
 
 
-def test_points_of_a_curve_are_led_through_a_spline(client: httpx.Client) -> None:
-    found = answer(client.post("/v1/plan", json=seam(through="spline")))
-    types = [motion["type"] for motion in found["tool_motions"]]
-    assert set(types) <= {"lin", "circ"}
-    assert types.count("circ") >= 15
-    (note,) = (note for note in found["notes"] if "leaves the lines" in note)
-    # The sagitta of the sharpest stretch of the sine: curvature 2.5 / m, 22 mm long.
-    assert float(note.split(" by ")[1].split(" m ")[0]) == pytest.approx(1.5e-4, rel=0.3)
-
-
 def test_a_seam_is_checked_in_a_motion_that_anybody_made(client: httpx.Client) -> None:
     tilt, speed = 0.15, 0.1
     options = CartesianOptions(

@@ -155,23 +155,6 @@ def test_stored_scenes_keep_their_frame(client: httpx.Client, tool: Array) -> No
     )
 
 
-@pytest.mark.parametrize(
-    ("frame_id", "offset"), [("base", 0.9144), ("stand", 0.0), ("world", 0.0), ("", 0.0)]
-)
-def test_moveit_frames_are_honoured(client: httpx.Client, frame_id: str, offset: float) -> None:
-    text = f"""
-world:
-  collision_objects:
-    - id: ball
-      header: {{frame_id: "{frame_id}"}}
-      primitives: [{{type: sphere, dimensions: [0.05]}}]
-      primitive_poses: [{{position: [0, 0, {1.5 - offset}], orientation: [0, 0, 0, 1]}}]
-"""
-    seen = ask(client, "/v1/check", joints=Q, scene={"moveit": text})
-    expected = ask(client, "/v1/check", joints=Q, scene=at([0.0, 0.0, 1.5]))
-    assert seen["clearance"] == pytest.approx(expected["clearance"], abs=1e-9)
-
-
 @pytest.mark.parametrize("frame", ["shelf", "tool0", "forearm_link"])
 def test_frames_that_move_or_are_missing_are_refused_by_name(
     client: httpx.Client, mounted: dict[str, Any], frame: str

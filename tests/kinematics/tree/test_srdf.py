@@ -119,15 +119,6 @@ def test_groups_stand_for_their_links(seed: int) -> None:
     assert all(list(of) == sorted(of, key=links.index) for of in found.values())
 
 
-def test_semantics_can_be_sent_to_workers() -> None:
-    srdf = parse_srdf(SRDF)
-    copy = pickle.loads(pickle.dumps(srdf))
-    assert copy.disabled_collisions == srdf.disabled_collisions
-    assert copy.states["arm"]["home"]["elbow"] == -1.25
-    with pytest.raises(TypeError):
-        srdf.chains["new"] = ("a", "b")  # type: ignore[index]
-
-
 def test_unknown_names_in_pairs_and_states_are_told() -> None:
     tree = parse_urdf(TREE)
     lint = check_semantics(parse_srdf(SRDF), tree)
