@@ -10,7 +10,7 @@ from kinematics.ik.closed_form.analytic import branches
 from kinematics.ik.closed_form.refine import CODE
 from kinematics.ik.closed_form.structure import structure
 from kinematics.jacobian import geometric
-from kinematics.pose import inverse, rotation_error, rotation_x, rotation_y, rotation_z, transform
+from kinematics.pose import inverse, rotation_error, rotation_x, rotation_z, transform
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.attachment import Attachment, hold
@@ -167,18 +167,6 @@ def test_a_margin_takes_poses_away_and_clearance_says_so() -> None:
     assert (kept.clearance[both] <= plain.clearance[both] + 1e-9).all()
 
 
-def test_a_free_axis_reaches_what_some_angle_reaches() -> None:
-    robot, T = builtin("kr6_sixx"), poses("kr6_sixx", 40, stretch=1.1)
-    free = reach(robot, SCENE, T, ReachOptions(Tolerance.free("ry", samples=6), threads=1))
-    hits = np.zeros(len(T), dtype=np.int64)
-    for k in range(6):
-        turned = T @ transform(rotation_y(k * np.pi / 3))
-        hits += reach(robot, SCENE, turned, ReachOptions(threads=1)).is_reached
-    assert free.samples.tolist() == hits.tolist()
-    assert free.is_reached.tolist() == (hits > 0).tolist()
-    assert free.is_reached.sum() > reach(robot, SCENE, T, ReachOptions(threads=1)).is_reached.sum()
-
-
 @pytest.mark.parametrize("name", ["kr6_sixx", "ur5e", "iiwa14", "panda"])
 def test_turns_about_the_last_axis_are_judged_like_any_deviation(
     name: str, monkeypatch: pytest.MonkeyPatch
@@ -311,13 +299,6 @@ def test_a_redundant_arm_reaches_what_a_thousand_values_reach(
     assert narrow > 0
 
 
-def test_a_redundant_arm_counts_a_branch_once() -> None:
-    for name in ("panda", "iiwa14"):
-        found = reach(builtin(name), Scene(), poses(name, 30), ReachOptions(threads=1))
-        assert found.branches[found.is_reached].min() >= 1
-        assert found.branches.max() <= 8
-
-
 def test_a_planar_arm_reaches_with_the_rotation_that_it_has() -> None:
     robot = builtin("planar_rr")
     T = forward(robot.chain, np.array([[0.3, 0.8], [1.0, -0.5]]))
@@ -385,13 +366,6 @@ def test_the_best_base_reaches_most_and_is_proved_in_the_world_frame() -> None:
     assert clearance == best.reach.clearance.min()
     assert manipulability == best.reach.manipulability.min()
     assert limits == best.reach.limit_distance.min()
-
-
-def test_a_base_that_reaches_nothing_has_no_figures() -> None:
-    far = place_base(builtin("ur5e"), WALL, TASKS, [transform(None, [9.0, 0, 0])], OPTIONS)[0]
-    assert not far.reach.is_reached.any()
-    assert np.isnan(far.worst).all()
-    assert far.score[0] == 0.0
 
 
 def test_candidates_after_the_deadline_are_left_out() -> None:

@@ -1,10 +1,12 @@
 """Poses, scenes, trajectories and problems from the wire, against scipy and what was sent."""
 
 import base64
+import io
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from pydantic import TypeAdapter
 from scipy.interpolate import CubicSpline
@@ -17,6 +19,7 @@ from armwright_wire.scenes.scene import Scene, Shape
 from kinematics.errors import InvalidOption, InvalidScene, InvalidTrajectory
 from kinematics.robots import builtin_chain
 from obstacles.scenes.scene import Scene as ObstacleScene
+from obstacles.shapes import shape as shapes
 from planning.problem import JointGoal, PoseGoal
 from service.translate.poses import pose_answer, scene, shape, transform
 from service.translate.problems import options, problem
@@ -26,6 +29,9 @@ from tests.properties import transforms
 
 SHAPE: TypeAdapter[Any] = TypeAdapter(Shape)
 AT = {"position": [1.0, 2.0, 3.0]}
+
+
+CUBE = trimesh.creation.box((0.2, 0.3, 0.4))
 
 
 def made(**fields: Any) -> Any:
@@ -66,6 +72,46 @@ def test_a_pose_that_was_answered_can_be_asked_again(T: Any) -> None:
 
 def obstacle(**changes: Any) -> dict[str, Any]:
     return {"id": "ball", "shape": {"type": "sphere", "radius": 0.1}, "pose": AT} | changes
+
+
+def test_shapes_keep_their_measures() -> None:
+    box = made(type="box", size=[0.1, 0.2, 0.3])
+    assert isinstance(box, shapes.Box)
+    np.testing.assert_array_equal(box.size, [0.1, 0.2, 0.3])
+    sphere = made(type="sphere", radius=0.1)
+    assert isinstance(sphere, shapes.Sphere)
+    assert sphere.radius == 0.1
+    for name, kind in (
+        ("cylinder", shapes.Cylinder), ("capsule", shapes.Capsule), ("cone", shapes.Cone),
+    ):  # fmt: skip
+        round_one = made(type=name, radius=0.1, height=0.4)
+        assert type(round_one) is kind
+        assert (round_one.radius, round_one.height) == (0.1, 0.4)
+
+
+def test_points_and_vertices_arrive_in_order() -> None:
+    points = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
+    cloud = made(type="point_cloud", points=points, radius=0.02)
+    assert isinstance(cloud, shapes.PointCloud)
+    np.testing.assert_array_equal(cloud.points, points)
+    assert cloud.radius == 0.02
+    convex = made(type="convex", vertices=points)
+    assert isinstance(convex, shapes.Convex)
+    np.testing.assert_array_equal(convex.vertices, points)
+
+
+@pytest.mark.parametrize("ascii_file", [False, True])
+def test_a_mesh_file_is_the_mesh_it_describes(ascii_file: bool) -> None:
+    file = io.BytesIO()
+    CUBE.export(file, file_type="stl_ascii" if ascii_file else "stl")
+    mesh = made(type="mesh", stl_base64=base64.b64encode(file.getvalue()).decode())
+    assert isinstance(mesh, shapes.Mesh)
+    again = trimesh.Trimesh(mesh.vertices, mesh.faces)
+    np.testing.assert_allclose(again.volume, CUBE.volume, rtol=1e-6)
+    np.testing.assert_allclose(again.bounds, CUBE.bounds, atol=1e-7)
+    given_faces = made(type="mesh", vertices=CUBE.vertices.tolist(), faces=CUBE.faces.tolist())
+    assert isinstance(given_faces, shapes.Mesh)
+    np.testing.assert_array_equal(given_faces.faces, CUBE.faces)
 
 
 def test_pairs_of_the_request_are_added_to_those_of_moveit() -> None:
