@@ -105,7 +105,7 @@ _DEFAULT = IkOptions()
 
 
 class _Query(NamedTuple):
-    """One pose, with its seed and the method."""
+    """One pose or some, with their seed and the method."""
 
     chain: Chain
     target: ArrayLike
@@ -372,36 +372,28 @@ def inverse_kinematics_batch(
         )
     T = np.asarray(targets, dtype=np.float64)
     near = middle(chain) if seed_joints is None else chain.configuration(seed_joints, "seed_joints")
-    query = _BatchQuery(chain, link, near, how, threads)
+    query = _Query(chain, T, link, near, how)
     solutions: list[IkSolution | None] = [None] * len(T)
     form = structure(chain, link)
     if form is not None and how.method != "numeric" and how.all_axes:
         for first in range(0, len(T), _CHUNK):
             part = T[first : first + _CHUNK]
-            solutions[first : first + len(part)] = _closed_form_solutions(query, form, part)
+            solutions[first : first + len(part)] = _closed_form_solutions(
+                query, form, part, threads
+            )
     left = [i for i, solution in enumerate(solutions) if solution is None]
     if left and how.method != "analytic":
-        for i, solution in zip(left, _search_batch(query, T[left]), strict=True):
+        for i, solution in zip(left, _search_batch(query, T[left], threads), strict=True):
             solutions[i] = solution
     return solutions
 
 
-class _BatchQuery(NamedTuple):
-    """Data that all poses of a batch share."""
-
-    chain: Chain
-    link: str | None
-    near: Array
-    options: IkOptions
-    threads: int | None
-
-
-def _search_batch(query: _BatchQuery, targets: Array) -> list[IkSolution | None]:
+def _search_batch(query: _Query, targets: Array, threads: int | None) -> list[IkSolution | None]:
     """The numeric method's solution for each pose."""
     how = query.options
     result = numeric.solve_many(
         query.chain, targets, numeric.SearchOptions(how.seed, _STARTS, axes=how.axes),
-        link=query.link, seed_joints=query.near, threads=query.threads,
+        link=query.link, seed_joints=query.near, threads=threads,
     )  # fmt: skip
     return [
         IkSolution(frozen(q.copy()), float(position), float(orientation), int(steps))
@@ -415,7 +407,7 @@ def _search_batch(query: _BatchQuery, targets: Array) -> list[IkSolution | None]
 
 
 def _closed_form_solutions(
-    query: _BatchQuery, form: Structure, targets: Array
+    query: _Query, form: Structure, targets: Array, threads: int | None
 ) -> list[IkSolution | None]:
     """The best branch inside the limits for each of some poses."""
     chain, link, values = query.chain, query.link, query.options.parameters
@@ -423,12 +415,12 @@ def _closed_form_solutions(
         values = parameter_grid(chain, form, parameter(chain, query.near, link))
     table = branches(
         chain, targets, link=link, seed_joints=query.near, parameters=values, enough=1,
-        tolerance=CLOSE, threads=query.threads,
+        tolerance=CLOSE, threads=threads,
     )  # fmt: skip
     return [_best_branch(query, table, i) for i in range(len(targets))]
 
 
-def _best_branch(query: _BatchQuery, table: Branches, pose: int) -> IkSolution | None:
+def _best_branch(query: _Query, table: Branches, pose: int) -> IkSolution | None:
     """The best branch of one pose inside the limits."""
     assert table.counts is not None
     own = table._replace(table=table.table[pose, : table.counts[pose]], counts=None)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compiled.kernel import direct
+from compiled.kernel import direct, directly
 from kinematics.arrays import Array, contiguous, frozen
 from kinematics.errors import InvalidOption, InvalidPose, NotAvailable
 from kinematics.forward import link_number
@@ -30,7 +30,7 @@ from kinematics.ik.closed_form.refine import (
     VALUE,
     parameter_kernel,
 )
-from kinematics.ik.closed_form.structure import COLUMNS, Arm, Structure, structure
+from kinematics.ik.closed_form.structure import Arm, Structure, structure
 from kinematics.model.chain import Chain
 
 #: Largest error of a solution [m], [rad].
@@ -42,9 +42,6 @@ _POSE = (4, 4)
 _OF_SEED = np.array([np.nan])
 #: More branches than there are.
 _ALL = 2**31
-_PLAN, _LIMITS = frozen(np.zeros((1, COLUMNS))), frozen([0.0])
-#: Arrays of the types that every arm has.
-_ARM = Arm(_PLAN, _PLAN, 0, _LIMITS, _LIMITS)
 
 
 class Branches(NamedTuple):
@@ -108,8 +105,7 @@ class Branches(NamedTuple):
 
         -1 where none is inside; and the number of those inside.
         """
-        row, inside = _direct_nearest()(self.table, seed)
-        return row, inside
+        return directly(nearest_kernel, self.table, seed)
 
 
 @cache
@@ -209,10 +205,9 @@ def branches(
     table = np.empty((m, _ROWS * values.shape[1], chain.n + MORE))
     counts = np.zeros(m, dtype=np.int64)
 
-    batch = _direct_batch()
-
     def part(k: slice) -> None:
-        batch(arm, T[k], seeds[k], values[k], tolerance, many, table[k], counts[k])
+        rows = T[k], seeds[k], values[k], tolerance, many, table[k], counts[k]
+        directly(branches_batch_kernel, arm, *rows)
 
     shared(part, m, threads)
     return Branches(form, chain.n, table, counts)
@@ -224,7 +219,9 @@ def _prepared(chain: Chain, link: str | None) -> tuple[Any, Structure, Arm, Arra
     form = closed_form(chain, link)
     number = int(chain.model[0, 1]) if link is None else link_number(chain, link)
     arm = Arm(form.plan, chain.model, number, chain.limits.lower, chain.limits.upper)
-    return _direct_branches(), form, arm, middle(chain)
+    near, table = middle(chain), np.zeros((1, 1))
+    kernel = direct(branches_kernel, arm, np.eye(4), near, _OF_SEED, TOLERANCE, _ALL, table)
+    return kernel, form, arm, near
 
 
 @lru_cache(maxsize=256)
@@ -239,24 +236,3 @@ def _parameters(parameters: ArrayLike) -> Array:
     if values.ndim > 2 or not values.size or not np.isfinite(values).all():
         raise InvalidOption("parameters must be finite numbers, one at least")
     return values
-
-
-@cache
-def _direct_branches() -> Any:
-    """``branches_kernel`` without dispatch, for arguments as ``branches`` has them."""
-    row = np.zeros(1)
-    return direct(branches_kernel, _ARM, np.zeros((4, 4)), row, row, 0.0, 0, np.zeros((1, 1)))
-
-
-@cache
-def _direct_batch() -> Any:
-    """``branches_batch_kernel`` without dispatch, for arguments as ``branches`` has them."""
-    rows, stack = np.zeros((1, 1)), np.zeros((1, 4, 4))
-    counts = np.zeros(1, dtype=np.int64)
-    return direct(branches_batch_kernel, _ARM, stack, rows, rows, 0.0, 0, stack, counts)
-
-
-@cache
-def _direct_nearest() -> Any:
-    """``nearest_kernel`` without dispatch."""
-    return direct(nearest_kernel, np.zeros((1, 1)), np.zeros(1))

@@ -21,7 +21,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compiled.kernel import direct
+from compiled.kernel import direct, directly
 from kinematics.arrays import Array, contiguous, frozen
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
@@ -158,10 +158,9 @@ def solve_many(
     begin = np.ascontiguousarray(np.broadcast_to(seeds, (m, n)))
     best, solved = np.empty((m, n + 4)), np.empty(m, dtype=np.int64)
 
-    batch = _direct_batch()
-
     def part(k: slice) -> None:
-        batch(space, how.settings, T[k], begin[k], best[k], solved[k])
+        rows = T[k], begin[k], best[k], solved[k]
+        directly(solve_batch_kernel, space, how.settings, *rows)
 
     shared(part, m, threads)
     return IkBatch(best[:, :n], best[:, n], best[:, n + 1], best[:, n + 2], solved == 1)
@@ -285,14 +284,6 @@ def _direct_search() -> Any:
     """``search_kernel`` without dispatch, for arguments as ``solve`` has them."""
     row = np.zeros(1)
     return direct(search_kernel, _SPACE, _SETTINGS, np.zeros((4, 4)), 0, row, row)
-
-
-@cache
-def _direct_batch() -> Any:
-    """``solve_batch_kernel`` without dispatch, for arguments as ``solve_many`` has them."""
-    rows, stack = np.zeros((1, 1)), np.zeros((1, 4, 4))
-    solved = np.zeros(1, dtype=np.int64)
-    return direct(solve_batch_kernel, _SPACE, _SETTINGS, stack, rows, rows, solved)
 
 
 def reach(chain: Chain, link: str | None = None) -> tuple[Array, float]:

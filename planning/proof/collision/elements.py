@@ -3,12 +3,11 @@
 Those of a robot, of a scene, and of the tree over the scene are made apart and joined at last.
 """
 
-from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import directly, kernel
 from kinematics.arrays import Array, Indices
 from obstacles.convex.piece import PieceArrays, PieceKind
 from obstacles.distance.bvh import FIRST, Tree, tree
@@ -64,7 +63,7 @@ def join(own: Elements, around: Elements, boxed: Elements) -> Elements:
     v = len(own.vertices) + len(around.vertices) + len(boxed.vertices)
     k = len(own.kids) + len(around.kids) + len(boxed.kids)
     joined = empty_elements(e, (3, v), k)
-    _join()(own, around, boxed, joined)
+    directly(join_kernel, own, around, boxed, joined)
     return joined
 
 
@@ -92,12 +91,6 @@ def empty_elements(e: int, corners: tuple[int, int], kids: int) -> Elements:
         first=numbers(e),
         margins=np.empty(e),
     )
-
-
-@cache
-def _join() -> Any:
-    """``join_kernel`` without the look at its arguments' types, which would cost more than it."""
-    return direct(join_kernel, *(empty_elements(0, (0, 3), 0) for _ in range(4)))
 
 
 @kernel(allocates=False, unlocks=False)
@@ -250,16 +243,8 @@ def boxes_over(arrays: PieceArrays, margins: Array, first: int, base: int) -> El
     grown = tree(solids.low, solids.high)
     t = len(grown.nodes)
     boxed = empty_elements(t, (0, 3), max(m + t - 1, 0))
-    refuse_broken(_hold()(grown, solids, first, base, Scratch.of(m, t), boxed))
+    refuse_broken(directly(hold_kernel, grown, solids, first, base, Scratch.of(m, t), boxed))
     return boxed
-
-
-@cache
-def _hold() -> Any:
-    """``hold_kernel`` without the look at its arguments' types."""
-    none, room = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-    nothing = Tree(np.zeros((0, 10)), none), SolidBoxes(none, room, room, np.zeros(0))
-    return direct(hold_kernel, *nothing, 0, 0, Scratch.of(0, 0), empty_elements(0, (0, 3), 0))
 
 
 @kernel(allocates=False, unlocks=False)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import direct, directly, kernel
 from kinematics.arrays import Array, Indices
 from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.collision.interval_check import check_interval
@@ -83,7 +83,8 @@ def sweep_on(
         most: Intervals to look at.
         sharp: Sharpness as in ``run``.
     """
-    return _run()(model, trajectory.breaks, trajectory.coefficients, sweep, sharp, most)
+    motion = trajectory.breaks, trajectory.coefficients
+    return directly(run, model, *motion, sweep, sharp, most)
 
 
 @cache
@@ -105,20 +106,6 @@ def run_first(
     if state == DONE:
         return state, proved, None
     return state, proved, w
-
-
-@cache
-def _run() -> Callable[[PairArrays, Array, Array, Sweep, bool, int], int]:
-    breaks, coefficients, model = np.zeros(2), np.zeros((1, 1, 1)), any_pairs()
-    return direct(
-        run,
-        model,
-        breaks,
-        coefficients,
-        start_kernel(breaks, coefficients, model.roots, (1, 1, 1)),
-        True,
-        1,
-    )
 
 
 @kernel(allocates=False)

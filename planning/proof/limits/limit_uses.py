@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import direct, directly, kernel
 from kinematics.arrays import Array, Indices
 from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.extrema import (
@@ -86,16 +86,9 @@ def limit_uses(trajectory: Trajectory, lower: Array, upper: Array) -> LimitUses:
     orders, n = lower.shape
     found = LimitUses(np.empty((orders, 5)), np.empty((orders, n, 3)), np.empty((orders, n, 3)))
     stack = np.empty((MAX_DEPTH + 2, trajectory.coefficients.shape[2] + 3))
-    _limit_uses()(trajectory.breaks, trajectory.coefficients, lower, upper, stack, found)
+    motion = trajectory.breaks, trajectory.coefficients
+    directly(limit_uses_kernel, *motion, lower, upper, stack, found)
     return found
-
-
-@cache
-def _limit_uses() -> Callable[[Array, Array, Array, Array, Array, LimitUses], None]:
-    """``limit_uses_kernel`` without the look at its arguments' types."""
-    table, motion = np.zeros((1, 1)), (np.zeros(2), np.zeros((1, 1, 1)))
-    found = LimitUses(table, np.zeros((1, 1, 3)), np.zeros((1, 1, 3)))
-    return direct(limit_uses_kernel, *motion, table, table, table, found)
 
 
 class MotionUses(NamedTuple):
