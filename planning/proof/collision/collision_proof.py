@@ -15,7 +15,7 @@ from functools import cache
 
 import numpy as np
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import direct, directly, kernel
 from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.trajectory.trajectory import Trajectory
@@ -137,19 +137,13 @@ def _touching_base(robot: RobotGeometry, scene: Scene) -> tuple[tuple[str, str],
         return ()
     elements = np.column_stack([around[near[:, 1]], still[near[:, 0]]])
     distances = np.empty(len(elements))
-    _distances_of_still()(arrays, elements, distances)
+    directly(distances_of_still, arrays, elements, distances)
     told = {item.pair for item in allowed_pairs(robot, scene)}
     found = {
         (robot.links[j], scene.ids[owners[i - arrays.moving]])
         for i, j in elements[distances <= RESOLUTION].tolist()
     }
     return tuple(sorted(pair for pair in found if sorted_pair(*pair) not in told))
-
-
-@cache
-def _distances_of_still() -> Callable[[PairArrays, Indices, Array], None]:
-    model = any_pairs()
-    return direct(distances_of_still, model, model.roots, np.zeros(1))
 
 
 @kernel
@@ -213,7 +207,7 @@ def _swept(
         if deadline is not None and deadline.passed:
             return False
         sweep = enlarge(sweep) if state == FULL else sweep
-        state = _run()(*motion, sweep, _INTERVALS_A_CALL)
+        state = directly(run_overlaps, *motion, sweep, _INTERVALS_A_CALL)
     return True
 
 
@@ -267,15 +261,6 @@ def first_overlaps(
     if state == DONE:
         return state, None
     return state, w
-
-
-@cache
-def _run() -> Callable[[PairArrays, Array, Array, AllowedRows, Sweep, int], int]:
-    breaks, coefficients, model = np.zeros(2), np.zeros((1, 1, 1)), any_pairs()
-    numbers, values = np.zeros(1, dtype=np.int64), np.zeros(1)
-    rows = AllowedRows(model.roots, numbers, values, values, values, values)
-    sweep = start_kernel(breaks, coefficients, model.roots, (1, 1, 1))
-    return direct(run_overlaps, model, breaks, coefficients, rows, sweep, 1)
 
 
 @kernel

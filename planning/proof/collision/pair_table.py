@@ -9,13 +9,12 @@ never seen hold no mesh, and a call for each step of packing would cost more tha
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compiled.kernel import direct, kernel
+from compiled.kernel import directly, kernel
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.caches.bounded_cache import array_bytes, bounded_cache
 from kinematics.model.chain import Chain
@@ -38,7 +37,6 @@ from planning.proof.collision.elements import (
     SolidBoxes,
     append,
     boxes_over,
-    empty_elements,
     hold_kernel,
     join,
     solids,
@@ -93,7 +91,7 @@ def join_pieces(
         BrokenTree: The tree lacks a piece or holds one twice.
     """
     pieces = PieceColumns.of(arrays)
-    joined, found, nodes = _join_pieces()(own, pieces, owners, margins, row)
+    joined, found, nodes = directly(join_pieces_kernel, own, pieces, owners, margins, row)
     refuse_broken(found)
     return joined, nodes
 
@@ -109,23 +107,9 @@ def join_primitives(
         margins: Margins of the scene's pieces [m].
         row: Row as in ``join_pieces``.
     """
-    joined, found, nodes = _join_primitives()(own, primitives, margins, row)
+    joined, found, nodes = directly(join_primitives_kernel, own, primitives, margins, row)
     refuse_broken(found)
     return joined, nodes
-
-
-@cache
-def _join_pieces() -> Any:
-    """``join_pieces_kernel`` without the look at its arguments' types."""
-    none, owners = PieceColumns.of(PieceArrays.pack(())), np.zeros(0, dtype=np.int64)
-    return direct(join_pieces_kernel, empty_elements(0, (0, 3), 0), none, owners, np.zeros(0), 0)
-
-
-@cache
-def _join_primitives() -> Any:
-    """``join_primitives_kernel`` likewise."""
-    none = Primitives(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 4, 4)))
-    return direct(join_primitives_kernel, empty_elements(0, (0, 3), 0), none, np.zeros(0), 0)
 
 
 @kernel(unlocks=False)
