@@ -116,7 +116,7 @@ def quicken(
 
     Args:
         levels: Checkers of falling clearance, of one robot in one scene; the legs are proved free
-            by the last.
+            by the last; one alone asks for nothing beyond what is needed.
         waypoints: The polyline, shape (k, n) [rad or m]; its ends stay.
         limits: Of velocity, acceleration and jerk, shape (3, n), as ``estimate_limits`` has them.
         spacious: Whether the legs are known to lack nothing of what the first asks for.
@@ -124,14 +124,16 @@ def quicken(
             afterwards.
     """
     preferred, least = levels[0], levels[-1]
-    if len(levels) < 2 or not 2 < len(waypoints) <= MAX_WAYPOINTS:
+    if not 2 < len(waypoints) <= MAX_WAYPOINTS:
         return waypoints
-    # Time that a motion in contact costs, as a multiple of that of one with the preferred
-    # clearance.
-    weight = 6.0 / preferred.model.margin
+    looks, weight = (look_of(least), look_of(least)), 0.0
+    if len(levels) > 1:
+        # Time that a motion in contact costs, as a multiple of that of one with the preferred
+        # clearance.
+        looks, weight = (look_of(preferred, 0.0), looks[1]), 6.0 / preferred.model.margin
     points = np.ascontiguousarray(waypoints, np.float64)
     slack = float(least.slack)
-    looks, joints = (look_of(preferred, 0.0), look_of(least)), least.model.robot.chain.limits
+    joints, spacious = least.model.robot.chain.limits, spacious or len(levels) == 1
     positions = np.stack([joints.lower, joints.upper])
     bounds = _Bounds(*looks, slack, limits, positions, weight)
     return directly(quicken_kernel, least.model.arrays, bounds, points, spacious, proves)

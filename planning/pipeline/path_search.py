@@ -473,9 +473,12 @@ class PathSearch:
         def shortened(*, cuts: bool) -> Array:
             return shortcut(checker, waypoints, self.deadline, proof, cuts=cuts, proves=proved)
 
-        # Corners are cut where that saves time when the path is made quicker, which comes next.
-        short = shortened(cuts=not self._may_keep_clear(found))
-        return short if len(short) <= MAX_WAYPOINTS else shortened(cuts=True)
+        # Corners are cut where that saves time when the path is made quicker.
+        short = shortened(cuts=False)
+        short = short if len(short) <= MAX_WAYPOINTS else shortened(cuts=True)
+        if self._may_keep_clear(found) or self.deadline.passed:
+            return short
+        return quicken(found.levels[-1:], short, self.limits, proves=proved)
 
     def _keep_clear(self, found: FoundPath) -> Array:
         reached, proves = found.levels.index(found.checker), found.attempt.proved

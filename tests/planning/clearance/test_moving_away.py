@@ -163,6 +163,21 @@ def test_legs_that_keep_the_preferred_clearance_are_replaced_by_such_legs() -> N
     assert np.median(gained) < 0.95
 
 
+def test_without_a_preferred_clearance_paths_become_quicker_and_stay_free() -> None:
+    scene, _ = grazing_scene()
+    levels, gained = levels_in(scene, 0.0), []
+    assert len(levels) == 1
+    for path in detours(10, scene):
+        quick = quicken(levels, path, LIMITS)
+        assert np.array_equal(quick[[0, -1]], path[[0, -1]])
+        assert distances(quick, scene, step=0.02).min() > 0.0
+        assert all(levels[0].free(a, b) for a, b in pairwise(quick))
+        gained.append(seconds(quick) / seconds(path))
+    assert np.median(gained) < 0.9
+    straight = np.array([START, GOAL])
+    assert quicken(levels_in(Scene()), straight, LIMITS) is straight
+
+
 RNG = np.random.default_rng(3)
 
 
