@@ -1,12 +1,14 @@
 r"""Other planners beside Armwright, on the same problems in one run.
 
     python -m benchmarks.peers ../data/mbm/panda [--every 20] [--timeout 20] \
-        [--mplib PYTHON] [--roboplan PYTHON]
+        [--mplib PYTHON] [--roboplan PYTHON] [--sscbirrt PYTHON]
 
 OMPL as it is mostly used from Python: RRT-Connect with its defaults, a state checker in Python
 (pinocchio and python-fcl), and OMPL's own simplification. MPLib and RoboPlan in environments of
 their own (``mplib_peer.py`` and ``roboplan_peer.py`` beside this module): RRT-Connect and shortcuts
 in C++. Their paths are checked densely by ``benchmarks.judges.recheck``; times are processor times.
+Motions are compared too, of which only ours and sscbirrt's are checked in place of their paths:
+it shortens them in time. Others bound no jerk and prefer no clearance; neither do ours "alike".
 """
 
 import argparse
@@ -17,13 +19,13 @@ import time
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from ompl import base, geometric, util
 
 from benchmarks.judges.recheck import STEP, Recheck, Scenery
-from benchmarks.mbm_problems import Case, cases, panda
+from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -31,10 +33,20 @@ from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.result import Plan
 from planning.sampling.search import joint_space, state_of
+from planning.timing.options import TimingOptions
+from planning.values.preferences import PreferredClearance
 
 #: OMPL's own limit for simplifying a path [s].
 _SIMPLIFY = 1.0
-Answer = tuple[float, Array | None]
+
+
+class Answer(NamedTuple):
+    """Processor time [ms], path, duration [s], breaks and coefficients of the motion if known."""
+
+    spent: float
+    path: Array | None
+    duration: float = np.nan
+    motion: tuple[Array, Array] | None = None
 
 
 def peer(case: Case, chain: Chain, recheck: Recheck, truth: Scenery, timeout: float) -> Answer:
@@ -54,7 +66,7 @@ def peer(case: Case, chain: Chain, recheck: Recheck, truth: Scenery, timeout: fl
         setup.simplifySolution(_SIMPLIFY)
         states = setup.getSolutionPath().getStates()
         path = np.array([state[0 : chain.n] for state in states])
-    return 1e3 * (time.process_time() - began), path
+    return Answer(1e3 * (time.process_time() - began), path)
 
 
 def clean(path: Array, recheck: Recheck, truth: Scenery) -> bool:
@@ -67,16 +79,20 @@ def clean(path: Array, recheck: Recheck, truth: Scenery) -> bool:
     return True
 
 
-def ours(case: Case, robot: RobotGeometry, timeout: float) -> Answer:
-    """Processor time [ms] of the whole plan, timed and proved, and its path."""
+def ours(case: Case, robot: RobotGeometry, options: Options) -> Answer:
+    """Processor time [ms] of the whole plan, timed and proved, its path and motion."""
     began = time.process_time()
-    found = plan(case.problem(robot, 0.0), Options(timeout=timeout))
+    found = plan(case.problem(robot, 0.0), options)
     spent = 1e3 * (time.process_time() - began)
-    return spent, found.path.waypoints if isinstance(found, Plan) else None
+    if not isinstance(found, Plan):
+        return Answer(spent, None)
+    motion = found.trajectory
+    known = motion.breaks, motion.coefficients
+    return Answer(spent, found.path.waypoints, motion.duration, known)
 
 
 def in_own_environment(
-    script: str, interpreter: Path, folder: Path, tasks: Sequence[Case], timeout: float
+    script: str, interpreter: Path, folder: Path, tasks: Sequence[Case], limits: dict[str, Any]
 ) -> list[Answer]:
     """What a planner answers whose script beside this one runs in an environment of its own."""
     entries = [
@@ -85,12 +101,20 @@ def in_own_environment(
     ]
     with tempfile.TemporaryDirectory() as work:
         problems, answers = Path(work, "problems.json"), Path(work, "answers.json")
-        problems.write_text(json.dumps({"timeout": timeout, "cases": entries}))
+        problems.write_text(json.dumps(limits | {"cases": entries}))
         own = Path(__file__).with_name(script)
         command = [str(interpreter), str(own), str(problems), str(folder), str(answers)]
         subprocess.run(command, check=True)
         rows = json.loads(answers.read_text())
-    return [(row["ms"], np.array(row["path"]) if row["path"] else None) for row in rows]
+    return [
+        Answer(
+            row["ms"],
+            np.array(row["path"]) if row["path"] else None,
+            row.get("duration", np.nan),
+            (np.array(row["breaks"]), np.array(row["coefficients"])) if "breaks" in row else None,
+        )
+        for row in rows
+    ]
 
 
 def table(names: Sequence[str], rows: Sequence[Sequence[tuple[float, float, bool]]]) -> None:
@@ -112,6 +136,7 @@ def main() -> None:
     parser.add_argument("--timeout", type=float, default=20.0)
     parser.add_argument("--mplib", type=Path, help="the Python in which MPLib is installed")
     parser.add_argument("--roboplan", type=Path, help="the Python in which RoboPlan is installed")
+    parser.add_argument("--sscbirrt", type=Path, help="the Python in which sscbirrt is installed")
     asked = parser.parse_args()
     folder = asked.problems.parent.parent / "panda"
     robot, recheck = panda(folder), Recheck(folder)
@@ -123,29 +148,68 @@ def main() -> None:
             tasks.append(case)
             truths.append(truth)
     plan(tasks[0].problem(robot, 0.0), Options(timeout=60.0))
+    timeout = asked.timeout
+    alike = Options(
+        timeout=timeout, timing=TimingOptions("toppra"), clearance=PreferredClearance(0.0)
+    )
     answers = {
-        "armwright": [ours(case, robot, asked.timeout) for case in tasks],
+        "armwright": [ours(case, robot, Options(timeout=timeout)) for case in tasks],
+        "armwright, alike": [ours(case, robot, alike) for case in tasks],
         "ompl, python-fcl": [
-            peer(case, robot.chain, recheck, truth, asked.timeout)
+            peer(case, robot.chain, recheck, truth, timeout)
             for case, truth in zip(tasks, truths, strict=True)
         ],
     }
-    for name, interpreter in (("mplib", asked.mplib), ("roboplan", asked.roboplan)):
+    limits = {"velocity": robot.chain.limits.velocity.tolist(), "acceleration": ACCELERATION}
+    for name in ("mplib", "roboplan", "sscbirrt"):
+        interpreter = getattr(asked, name)
         if interpreter is not None:
             answers[name] = in_own_environment(
-                f"{name}_peer.py", interpreter, folder, tasks, asked.timeout
+                f"{name}_peer.py", interpreter, folder, tasks, limits | {"timeout": timeout}
             )
+    judged = {
+        name: [
+            found.path is not None and _is_clean(found, recheck, truth)
+            for found, truth in zip(rows, truths, strict=True)
+        ]
+        for name, rows in answers.items()
+    }
     rows = [
         [
-            (spent, float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()), judged)
-            for (spent, path), truth in zip(found, truths, strict=True)
-            if path is not None
-            for judged in [clean(path, recheck, truth)]
+            (found.spent, float(np.linalg.norm(np.diff(found.path, axis=0), axis=1).sum()), good)
+            for found, good in zip(answers[name], judged[name], strict=True)
+            if found.path is not None
         ]
-        for found in answers.values()
+        for name in answers
     ]
     print(f"{len(tasks)} problems")
     table(list(answers), rows)
+    own = ("armwright", "armwright, alike")
+    for name in own:
+        for other in answers.keys() - {*own, "ompl, python-fcl"}:
+            compare_motions(f"{other} beside {name}", answers[name], answers[other], judged[other])
+
+
+def _is_clean(found: Answer, recheck: Recheck, truth: Scenery) -> bool:
+    """Whether the motion is free and within its limits, or the path free where there is none."""
+    if found.motion is None:
+        assert found.path is not None
+        return clean(found.path, recheck, truth)
+    finding = recheck.motion(*found.motion, np.array(ACCELERATION), truth)
+    return finding.colliding is None and finding.limit_ratio <= 1.0 + 1e-9
+
+
+def compare_motions(
+    name: str, own: Sequence[Answer], theirs: Sequence[Answer], good: Sequence[bool]
+) -> None:
+    """Print how much longer a peer's motions are, all of them and those that are clean."""
+    ratios = np.array([b.duration / a.duration for a, b in zip(own, theirs, strict=True)])
+    among = np.array(good) & np.isfinite(ratios)
+    print(
+        f"{name}: {np.nanmedian(ratios):.3f} times as long (median); ours are not longer in "
+        f"{(ratios >= 1.0).sum()} of {np.isfinite(ratios).sum()}, in "
+        f"{(ratios[among] >= 1.0).sum()} of {among.sum()} where theirs are clean"
+    )
 
 
 if __name__ == "__main__":

@@ -85,6 +85,7 @@ def main() -> None:
             breaks, coefficients = polynomials(found.trajectory)
             answer["path"] = np.array(found.path).tolist()
             answer |= {"breaks": breaks.tolist(), "coefficients": coefficients.tolist()}
+            answer["duration"] = found.trajectory.duration
         answers.append(answer)
     Path(sys.argv[3]).write_text(json.dumps(answers))
 
