@@ -1,6 +1,6 @@
 """Closed forms, exact and calibrated: by pinocchio, dense search, symmetries and folds."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,7 +34,6 @@ from tests.kinematics.ik.arms import (
     searched,
 )
 from tests.kinematics.ik.symmetries import distance, regular, regular_cases, wrapped
-from tests.kinematics.samples import random_rotation
 from tests.planning.pinocchio_arm import PinocchioArm
 
 ARMS = ("ur5e", "kr6_sixx", "puma560", "elbow_wrist", "panda", "iiwa14")
@@ -264,39 +263,6 @@ def test_a_first_joint_that_is_held_stays_at_the_parameter(slides: bool) -> None
     assert (table.joints[:, 0] == value).all()
 
 
-def test_a_rail_before_six_joints_is_held_at_the_parameter() -> None:
-    arm = builtin_chain("ur5e")
-    tip = arm.tip.T_joint_link
-    rail = replace(
-        arm,
-        joint_names=("rail", *arm.joint_names),
-        joint_types=np.array([1, *arm.joint_types]),
-        offsets=np.array([transform(random_rotation(np.random.default_rng(6))), *arm.offsets]),
-        links=tuple(
-            replace(link, joint=6 if link.joint == 5 else -1) for link in arm.links
-        ),
-        limits=replace(
-            arm.limits,
-            **{
-                item.name: np.array([-1.0 if item.name == "lower" else 2.0, *getattr(
-                    arm.limits, item.name)])
-                for item in fields(arm.limits)
-            },
-        ),
-        continuous=np.zeros(7, dtype=np.bool_),
-        motor_inertia=np.zeros(7),
-        viscous_friction=np.zeros(7),
-    )  # fmt: skip
-    form = closed_form(rail)
-    assert (form.kind, form.locked) == ("three_parallel", 0)
-    q = np.array([0.7, 0.1, -1.2, 1.5, -1.0, -1.4, 0.3])
-    T = forward(rail, q)
-    found = branches(rail, T, seed_joints=q)
-    assert apart(found.joints, q).min() < 1e-6
-    assert len(branches(rail, T, parameters=[0.7, 0.4]).table) > len(found.table)
-    np.testing.assert_array_equal(rail.tip.T_joint_link, tip)
-
-
 @pytest.mark.parametrize("name", ["ur5e", "iiwa14"])
 def test_batches_equal_single_calls(name: str) -> None:
     chain = builtin_chain(name)
@@ -454,14 +420,6 @@ def test_no_branch_is_answered_twice(name: str) -> None:
             others = np.delete(joints, i, axis=0)
             if regular(chain, row, 1e-4) and len(others):
                 assert np.abs(wrapped(others - row)).max(axis=1).min() > 1e-6
-
-
-def test_out_of_reach_no_branch_is_invented() -> None:
-    for name in NAMES:
-        chain = free_arm(name, 1e-3)
-        T = forward(chain, np.array([0.3, -1.2, 1.4, -0.8, -1.1, 0.4]))
-        T[:3, 3] *= 5.0
-        assert len(branches(chain, T).table) == 0
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-7, 1e-4, 3e-3])

@@ -201,24 +201,6 @@ def test_a_family_has_a_member_inside_narrow_limits(fifth: float) -> None:
         assert (np.abs(inside[:, 5] - q[5]) <= 0.1 + 1e-9).all()
 
 
-def test_a_target_too_near_to_axis_1_has_no_branch() -> None:
-    chain = builtin_chain("ur5e")
-    q = np.array([0.3, -1.2, 1.4, -0.8, -1.1, 0.4])
-    T = forward(chain, q)
-    # Joint 6's origin cannot come nearer to axis 1 than the offset of the three axes.
-    frames = joint_frames(chain, q)
-    T[:3, 3] += frames[0, :3, 3] - frames[5, :3, 3]
-    assert len(branches(chain, T).table) == 0
-
-
-@pytest.mark.parametrize("height", [1.0, 1.6])
-def test_a_target_beyond_the_stretched_arm_has_no_branch(height: float) -> None:
-    chain = builtin_chain("ur5e")
-    T = forward(chain, np.array([0.3, -1.2, 1.4, -0.8, -1.1, 0.4]))
-    T[:3, 3] = [0.0, 0.0, height + 0.3]
-    assert len(branches(chain, T).table) == 0
-
-
 def table(rows: list[tuple[float, float, float]], kinds: str) -> Chain:
     types = {"R": "revolute", "P": "prismatic"}
     return chain_from_dh(
