@@ -344,7 +344,7 @@ _CASES: dict[str, Callable[[], Case]] = {
     ),
     "hook over a bar": lambda: _joint_case(
         _hook_arm(), _hook_robot(), Scene((box("bar", (0.4, 0.04, 0.1), (0.6, 0.0, 0.3)),)),
-        np.array([-1.0, 0.05]), np.array([1.0, 0.05]),
+        np.array([-1.0, 0.05]), np.array([1.0, 0.05]), _Request(seed=1),
     ),
     "ur5e with weak joints": _of(
         "ur5e", Scene(), _UR_START, _UR_LOWER,
