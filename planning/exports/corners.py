@@ -16,8 +16,7 @@ from kinematics.forward import forward
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from obstacles.robots.allowed_pairs import allowed_pairs
-from obstacles.robots.lever_arms import lever_arms, link_arms
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry, lever_arms, link_arms
 from obstacles.scenes.scene import Scene
 
 #: Share of a leg that one corner may take, less than half for corners to stay apart.

@@ -12,8 +12,7 @@ from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain, Limits
 from kinematics.trajectory.trajectory import Trajectory, concatenate, interpolate
-from obstacles.robots.lever_arms import lever_arms
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry, lever_arms
 from obstacles.scenes.scene import Scene
 from planning.exports import formats
 from planning.exports.corners import check_flange, fitted_corners

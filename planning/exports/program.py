@@ -16,7 +16,7 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import REST, Trajectory, stay
 from obstacles.robots.allowed_pairs import TOUCH_DEPTH
 from obstacles.robots.finger_geometry import with_fingers
-from obstacles.robots.lever_arms import lever_arms
+from obstacles.robots.robot_geometry import lever_arms
 from obstacles.robots.tool import PART
 from obstacles.scenes.scene import AllowedContact
 from planning.exports import formats

@@ -21,8 +21,7 @@ from kinematics.model.branch import BodyTree
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.convex.piece import Hull, convex_hull
 from obstacles.convex.triangles import Triangles, corners, join
-from obstacles.robots.lever_arms import arms, pieces_beyond
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry, arms, pieces_beyond
 
 #: Points about a ball of radius 1 whose hull holds it: an octahedron.
 _ABOUT_A_BALL = np.sqrt(3.0) * np.vstack([np.eye(3), -np.eye(3)])

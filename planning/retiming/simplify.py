@@ -11,8 +11,7 @@ from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.branch import BodyTree
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
-from obstacles.robots.lever_arms import link_arms
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry, link_arms
 from obstacles.scenes.scene import Scene
 from planning.proof.certificate import Certificate, certify
 from planning.timing.path.blend import checked_waypoints

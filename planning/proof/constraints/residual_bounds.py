@@ -15,20 +15,9 @@ import math
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot, scale, subtract
 from kinematics.arrays import Array, Indices
-from planning.constraints.row import RowKind
+from planning.constraints.row import Column, RowKind
 from planning.proof.collision.separating_direction import rounding_bound
-from planning.proof.constraints.rotation_bounds import (
-    AXIS,
-    CARRIER,
-    CENTER,
-    DIRECTION,
-    KIND,
-    LOWER,
-    POINT,
-    REFERENCE,
-    UPPER,
-    rotation_bounds,
-)
+from planning.proof.constraints.rotation_bounds import rotation_bounds
 from planning.proof.motion_bounds import RADIUS, VALUE
 from planning.proof.relative_motion import RelativeMotion, axis_motion, relative_motion
 
@@ -59,8 +48,8 @@ def row_bounds(
         lengths: Size of the numbers that the frames are summed from [m].
     """
     value, lowest, highest = value_bounds(types, row, frames, joints, half, lengths)
-    residual = max(value - row[UPPER], row[LOWER] - value)
-    return residual, max(highest - row[UPPER], row[LOWER] - lowest)
+    residual = max(value - row[Column.UPPER], row[Column.LOWER] - value)
+    return residual, max(highest - row[Column.UPPER], row[Column.LOWER] - lowest)
 
 
 @kernel
@@ -71,16 +60,20 @@ def value_bounds(
 
     Arguments are those of ``row_bounds``.
     """
-    kind, carrier, reference = int(row[KIND]), int(row[CARRIER]), int(row[REFERENCE])
+    kind, carrier, reference = (
+        int(row[Column.KIND]),
+        int(row[Column.CARRIER]),
+        int(row[Column.REFERENCE]),
+    )
     if kind == _JOINT:
         value, radius = joints[carrier, VALUE], joints[carrier, RADIUS]
         return value, value - radius, value + radius
     n = types.shape[0]
     point, center = (
-        _point_in_base(frames, row, POINT, carrier),
-        _point_in_base(frames, row, CENTER, reference),
+        _point_in_base(frames, row, Column.POINT.value, carrier),
+        _point_in_base(frames, row, Column.CENTER.value, reference),
     )
-    d = _vector_in_base(frames, row, DIRECTION, reference)
+    d = _vector_in_base(frames, row, Column.DIRECTION.value, reference)
     motion = relative_motion(types, frames, point, carrier, reference, joints, half)
     y = subtract(point, center)
     if kind in (_COORDINATE, _DISTANCE):
@@ -93,7 +86,7 @@ def value_bounds(
         return _distance_bounds(y, d, motion, half, lost)
     lost = rounding_bound(n, 1.0)
     if kind in (_ANGLE, _LOOK):
-        a = _vector_in_base(frames, row, AXIS, carrier)
+        a = _vector_in_base(frames, row, Column.AXIS.value, carrier)
         moved, bend = axis_motion(types, frames, a, carrier, reference, joints, half)
         # A chord of this length spans an angle that is somewhat larger.
         swept = min(motion.turned, 2.0 * math.asin(min(0.5 * moved, 1.0))) + lost

@@ -11,33 +11,20 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot, scale
 from kinematics.arrays import Array
-from planning.constraints.row import Row
+from planning.constraints.row import WIDTH, Column, Row
 from planning.proof.relative_motion import RelativeMotion
-
-# Columns of a row as the kernels here read it.
-KIND = 0
-CARRIER = 1
-REFERENCE = 2
-#: First of three, as are those of vectors below [m].
-POINT = 3
-AXIS = 6
-CENTER = 9
-DIRECTION = 12
-LOWER = 15
-UPPER = 16
-#: First of the nine entries of K.
-TURN = 17
-WIDTH = 26
 
 
 def pack(rows: Sequence[Row]) -> Array:
     """Rows as the kernels here read them, shape (m, WIDTH)."""
     packed = np.empty((len(rows), WIDTH))
     for k, row in enumerate(rows):
-        packed[k, :POINT] = row.kind, row.carrier, row.reference
-        packed[k, POINT:LOWER] = np.concatenate([row.point, row.axis, row.center, row.direction])
-        packed[k, LOWER:TURN] = row.lower, row.upper
-        packed[k, TURN:] = row.turn.reshape(9)
+        packed[k, : Column.POINT] = row.kind, row.carrier, row.reference
+        packed[k, Column.POINT : Column.LOWER] = np.concatenate(
+            [row.point, row.axis, row.center, row.direction]
+        )
+        packed[k, Column.LOWER : Column.TURN] = row.lower, row.upper
+        packed[k, Column.TURN :] = row.turn.reshape(9)
     return packed
 
 
@@ -57,12 +44,12 @@ def rotation_bounds(
     """
     E, covector = np.empty((3, 3)), (0.0, 0.0, 0.0)
     e = _rotation_error(frames, row, E)
-    a = (row[AXIS], row[AXIS + 1], row[AXIS + 2])
+    a = (row[Column.AXIS], row[Column.AXIS + 1], row[Column.AXIS + 2])
     value, angle = dot(a, e), math.sqrt(dot(e, e))
     largest = angle + motion.turned + lost
     if largest >= math.pi:
         size = abs(value) + 0.5 * math.pi * (motion.turned + lost)
-        if row[LOWER] != -row[UPPER]:
+        if row[Column.LOWER] != -row[Column.UPPER]:
             size = math.pi
         return value, -size, size
     factor = 0.5 * largest / math.sin(0.5 * largest) if largest > 1e-6 else 1.0 + 1e-12
@@ -79,7 +66,7 @@ def rotation_bounds(
 @kernel(allocates=False)
 def _rotation_error(frames: Array, row: Array, E: Array) -> Vector:
     """Write K X into E (3, 3), X the carrier's rotation seen from the reference; its log."""
-    carrier, reference = int(row[CARRIER]), int(row[REFERENCE])
+    carrier, reference = int(row[Column.CARRIER]), int(row[Column.REFERENCE])
     for i in range(3):
         for column in range(3):
             E[i, column] = 0.0
@@ -89,7 +76,7 @@ def _rotation_error(frames: Array, row: Array, E: Array) -> Vector:
                     left = 1.0 * (r == k) if reference < 0 else frames[reference, r, k]
                     right = 1.0 * (r == column) if carrier < 0 else frames[carrier, r, column]
                     x += left * right
-                E[i, column] += row[TURN + 3 * i + k] * x
+                E[i, column] += row[Column.TURN + 3 * i + k] * x
     return rotation_log(E)
 
 
@@ -140,11 +127,11 @@ def _log_covector(frames: Array, row: Array, e: Vector, a: Vector) -> Vector:
         a[2] + 0.5 * first[2] + factor * second[2],
     )
     c = (
-        row[TURN] * b[0] + row[TURN + 3] * b[1] + row[TURN + 6] * b[2],
-        row[TURN + 1] * b[0] + row[TURN + 4] * b[1] + row[TURN + 7] * b[2],
-        row[TURN + 2] * b[0] + row[TURN + 5] * b[1] + row[TURN + 8] * b[2],
+        row[Column.TURN] * b[0] + row[Column.TURN + 3] * b[1] + row[Column.TURN + 6] * b[2],
+        row[Column.TURN + 1] * b[0] + row[Column.TURN + 4] * b[1] + row[Column.TURN + 7] * b[2],
+        row[Column.TURN + 2] * b[0] + row[Column.TURN + 5] * b[1] + row[Column.TURN + 8] * b[2],
     )
-    reference = int(row[REFERENCE])
+    reference = int(row[Column.REFERENCE])
     if reference < 0:
         return c
     R = frames[reference]

@@ -17,7 +17,7 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.trajectory.trajectory import Trajectory, interpolate
 from obstacles.collision.fcl_distance import FclWorld
-from obstacles.robots.lever_arms import lever_arms
+from obstacles.robots.robot_geometry import lever_arms
 from obstacles.scenes.scene import Scene
 from planning.exports.export import Export, export, joint_tolerance, plain
 from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions

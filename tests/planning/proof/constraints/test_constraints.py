@@ -24,24 +24,10 @@ from planning.constraints.kinds.constraint import (
     ToolSpeedConstraint,
     TorqueConstraint,
 )
-from planning.constraints.row import Row
-from planning.proof.constraints import rotation_bounds
+from planning.constraints.row import WIDTH, Column, Row
 from planning.proof.constraints.constraint_limits import constrained_efforts, constrained_margin
 from planning.proof.constraints.constraints import check_motion
-from planning.proof.constraints.rotation_bounds import (
-    AXIS,
-    CARRIER,
-    CENTER,
-    DIRECTION,
-    KIND,
-    LOWER,
-    POINT,
-    REFERENCE,
-    TURN,
-    UPPER,
-    WIDTH,
-    pack,
-)
+from planning.proof.constraints.rotation_bounds import pack
 from planning.values.limits import EffortLimits
 from tests.planning.constraints.samples import some_of_each
 from tests.planning.slider import slider
@@ -288,7 +274,12 @@ def test_a_torque_limit_that_is_not_known_is_named() -> None:
         constrained_efforts(None, ConstraintSet(unknown, (TorqueConstraint(),)), unknown)
 
 
-VECTORS = {"point": POINT, "axis": AXIS, "center": CENTER, "direction": DIRECTION}
+VECTORS = {
+    "point": Column.POINT,
+    "axis": Column.AXIS,
+    "center": Column.CENTER,
+    "direction": Column.DIRECTION,
+}
 
 
 def rows() -> tuple[Row, ...]:
@@ -309,28 +300,27 @@ def test_every_number_is_in_its_column() -> None:
     packed = pack(rows())
     assert packed.shape == (2, WIDTH)
     for line, row in zip(packed, rows(), strict=True):
-        assert line[KIND] == row.kind
-        assert line[CARRIER] == row.carrier
-        assert line[REFERENCE] == row.reference
+        assert line[Column.KIND] == row.kind
+        assert line[Column.CARRIER] == row.carrier
+        assert line[Column.REFERENCE] == row.reference
         for name, first in VECTORS.items():
             np.testing.assert_array_equal(line[first : first + 3], getattr(row, name))
-        assert (line[LOWER], line[UPPER]) == (row.lower, row.upper)
-        np.testing.assert_array_equal(line[TURN:].reshape(3, 3), row.turn)
+        assert (line[Column.LOWER], line[Column.UPPER]) == (row.lower, row.upper)
+        np.testing.assert_array_equal(line[Column.TURN :].reshape(3, 3), row.turn)
 
 
 def test_bounds_are_those_that_were_asked_for() -> None:
     packed = pack(rows())
-    assert packed[:, LOWER] == pytest.approx([-0.1, -0.75])
-    assert packed[:, UPPER] == pytest.approx([0.3, -0.5])
+    assert packed[:, Column.LOWER] == pytest.approx([-0.1, -0.75])
+    assert packed[:, Column.UPPER] == pytest.approx([0.3, -0.5])
 
 
 def test_columns_do_not_overlap() -> None:
-    widths = {"KIND": 1, "CARRIER": 1, "REFERENCE": 1, "POINT": 3, "AXIS": 3, "CENTER": 3,
-              "DIRECTION": 3, "LOWER": 1, "UPPER": 1, "TURN": 9}  # fmt: skip
+    sizes = {Column.POINT: 3, Column.AXIS: 3, Column.CENTER: 3, Column.DIRECTION: 3, Column.TURN: 9}
     at = 0
-    for name, width in widths.items():
-        assert getattr(rotation_bounds, name) == at
-        at += width
+    for column in Column:
+        assert column == at
+        at += sizes.get(column, 1)
     assert at == WIDTH
 
 

@@ -25,6 +25,7 @@ from planning.constraints.kinds.constraint import (
     RelativePoseConstraint,
     SphereRegion,
 )
+from planning.constraints.row import WIDTH, Column
 from planning.proof.constraints.residual_search import (
     LEAST_GAP,
     SHARP,
@@ -33,17 +34,7 @@ from planning.proof.constraints.residual_search import (
     Verdict,
     bound_residuals,
 )
-from planning.proof.constraints.rotation_bounds import (
-    AXIS,
-    CARRIER,
-    LOWER,
-    REFERENCE,
-    TURN,
-    UPPER,
-    WIDTH,
-    rotation_bounds,
-    rotation_log,
-)
+from planning.proof.constraints.rotation_bounds import rotation_bounds, rotation_log
 from planning.proof.relative_motion import RelativeMotion
 from tests.planning.constraints.samples import some_of_each
 from tests.planning.pinocchio_arm import PinocchioArm
@@ -256,9 +247,13 @@ def test_a_bound_that_is_met_exactly_holds_and_one_beyond_does_not() -> None:
 
 def row(K: Array, axis: Array, lower: float, upper: float, reference: int = -1) -> Array:
     packed = np.zeros(WIDTH)
-    packed[CARRIER], packed[REFERENCE] = 0, reference
-    packed[AXIS : AXIS + 3], packed[LOWER], packed[UPPER] = axis, lower, upper
-    packed[TURN:] = K.ravel()
+    packed[Column.CARRIER], packed[Column.REFERENCE] = 0, reference
+    packed[Column.AXIS : Column.AXIS + 3], packed[Column.LOWER], packed[Column.UPPER] = (
+        axis,
+        lower,
+        upper,
+    )
+    packed[Column.TURN :] = K.ravel()
     return packed
 
 
