@@ -46,6 +46,7 @@ from obstacles.robots.grasps import GraspSearch as GraspSearch
 from obstacles.robots.grasps import JawSpan as JawSpan
 from obstacles.robots.grasps import find_grasps as find_grasps
 from obstacles.robots.grasps import jaw_span as jaw_span
+from obstacles.robots.resting import resting_places as resting_places
 from obstacles.robots.robot_geometry import RobotGeometry as RobotGeometry
 from obstacles.robots.tool import Jaw as Jaw
 from obstacles.robots.tool import Solid as Solid
@@ -109,6 +110,7 @@ from planning.options import Options as Options
 from planning.orders.blocks import Each as Each
 from planning.orders.blocks import Fallback as Fallback
 from planning.orders.blocks import plan_work as plan_work
+from planning.orders.blocks import regrasp as regrasp
 from planning.problem import JointGoal as JointGoal
 from planning.problem import PoseGoal as PoseGoal
 from planning.problem import Problem as Problem

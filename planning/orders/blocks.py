@@ -10,12 +10,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
-from kinematics.arrays import Array
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
 from planning.orders.shortest import OrderSearch, Visit
 from planning.sequence.result import FoundOrder, SequenceFailure, SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
-from planning.sequence.stage import Stage
+from planning.sequence.stage import (
+    Attach,
+    Detach,
+    Grasp,
+    Gripper,
+    Move,
+    Place,
+    Stage,
+    Straight,
+)
 from planning.sequence.task import Task
 from planning.sequence.world import World
 from planning.values.deadline import Deadline
@@ -155,6 +167,56 @@ class _Expansion(Generic[T]):
 
 def _label(of: str | None, own: str) -> str:
     return own if of is None else f"{of}, {own}"
+
+
+@typed
+def regrasp(
+    before: Sequence[Stage],
+    poses: ArrayLike,
+    supports: Sequence[str] = (),
+    grasps: ArrayLike | None = None,
+    most: int = 1,
+    distance: tuple[float, float] = (0.02, 0.08),
+) -> Fallback[Stage]:
+    """Alternatives that put a held object down and grasp it again, where one grasp does not do.
+
+    Args:
+        before: Stages before it, from the grasp of the object on or longer, with its attachment.
+        poses: T_root_object where it may be put down, such as ``resting_places``, shape (k, 4, 4).
+        supports: Obstacles that it stands on there.
+        grasps: T_object_tool of the grasps after, shape (k, 4, 4); those before where None.
+        most: How often at most.
+        distance: Shortest and longest way down to the place, and of the tool off it [m].
+
+    Raises:
+        InvalidOption: No grasp and attachment of one object are before, or it is let go again.
+    """
+    numbers = [k for k, one in enumerate(before) if isinstance(one, Grasp)]
+    held = [one for one in before if isinstance(one, Attach | Detach)]
+    if not numbers or not held or not isinstance(held[-1], Attach):
+        raise InvalidOption(
+            "regrasp: nothing is grasped and attached before it",
+            hint="Give the stages from the grasp to the attachment or the lift of the object.",
+        )
+    k, support = numbers[-1], tuple(supports)
+    grasp = before[k]
+    assert isinstance(grasp, Grasp)
+    again = replace(grasp, support=support)
+    if grasps is not None:
+        again = replace(again, frames=np.asarray(grasps, dtype=np.float64))
+    first = k - 2 if k > 1 and isinstance(before[k - 1], Straight) else k
+    opened = [one for one in before[:k] if isinstance(one, Gripper) and one.kind == "open"]
+    own: list[Stage] = [*before[first:k], again, *before[k + 1 :]]
+    stages: list[Stage] = [
+        Move(),
+        Straight("approach", [0.0, 0.0, -1.0], "root", *distance),
+        Place(held[-1].object, np.asarray(poses, dtype=np.float64), support=support),
+        *(opened[-1:] or [Gripper("open")]),
+        Detach(),
+        Straight("retreat", [0.0, 0.0, -1.0], "tool", *distance),
+        *(replace(one, settings=replace(one.settings, name="")) for one in own),
+    ]
+    return Fallback([stages * count for count in range(most + 1)])
 
 
 Attempt: TypeAlias = Callable[[Sequence[Flat[T]], TaskOptions], SequencePlan | SequenceFailure]

@@ -93,7 +93,7 @@ CLASSES = (
 #: Functions that nothing wrong is given to: what they take is tested where it is read.
 ELSEWHERE = {
     "jaw_span", "builtin_names", "export_program", "load_robot", "plan_task", "plan_tour",
-    "plan_work", "program_parts", "read_recording", "with_fingers",
+    "plan_work", "program_parts", "read_recording", "regrasp", "resting_places", "with_fingers",
 }  # fmt: skip
 #: Arguments of which arrays of other lengths or dimensions are right as well.
 ANY_SHAPE = {

@@ -29,7 +29,7 @@ from service.storage.caches.cache_key import builtin_reference
 from service.storage.caches.mounts import mount_of, with_tools
 from service.translate.poses import transform as transform_of_pose
 from tests.planning.pinocchio_arm import PinocchioArm
-from tests.service.endpoints.ask import answer_of, problem_of
+from tests.service.endpoints.ask import PANDA, answer_of, problem_of
 from tests.service.robots import solid
 
 TENDING = Path(__file__).parents[3] / "examples" / "machine_tending.yaml"
@@ -363,6 +363,34 @@ def test_what_can_not_be_put_down_says_why(again: dict[str, Any], told: str) -> 
     early = body | {"stages": [{"kind": "regrasp", **again}, *body["stages"][:2]]}
     with pytest.raises(InvalidOption, match="nothing is grasped and attached before it"):
         plan_sequence(mounted(early), None, json.dumps(early).encode())
+
+
+def test_an_object_is_handed_over_at_one_of_several_positions_and_taken_otherwise() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "task_choices.md").read_text("utf-8")
+    told = re.search(r"## Handing over.*?```yaml\n(.*?)```", page, re.DOTALL)
+    assert told is not None
+    first = {"kind": "grasp", "object": "crate", "touch_links": ["panda_hand"], "support": "table",
+             "grasps": [{"position": [0, 0, 0.02], "rpy": [np.pi, 0, 0]}]}  # fmt: skip
+    stages = [
+        {"kind": "move"}, {"kind": "approach", "distance": [0.03, 0.08]}, first,
+        {"kind": "attach", "object": "crate"}, {"kind": "lift", "distance": [0.05, 0.1]},
+        *yaml.safe_load(told[1]),
+    ]  # fmt: skip
+    stages[-1]["touch_links"] = ["panda_hand"]
+    obstacles = [
+        solid("table", "box", [0.6, 0, 0.08], size=[0.6, 1.0, 0.04]),
+        solid("crate", "box", [0.5, -0.25, 0.15], size=[0.05, 0.05, 0.1]),
+    ]
+    home = {"joints": [0, -0.785, 0, -2.356, 0, 1.571, 0.785]}
+    body = {"robot": "panda", "start": home, "scene": {"obstacles": obstacles}, "stages": stages,
+            "timeout": 60}  # fmt: skip
+    answer = answer_of(plan_sequence, PANDA, body, TaskAnswer)
+    assert all(stage["certificate"]["verified"] for stage in answer["stages"])
+    choices = {k: stage["choice"] for k, stage in enumerate(answer["stages"])}
+    assert (choices[2], choices[7]) == (0, 1)
+    let_go = answer["stages"][10]["after"]["objects"][0]["pose"]["position"]
+    assert let_go == pytest.approx([0.5, 0.2, 0.4], abs=1e-9)
+    assert choices[14] in (0, 1)
 
 
 @pytest.mark.parametrize("frame", ["tool", "root", "object", "support", "normal"])
