@@ -29,7 +29,8 @@ LONG = (
     "tests/service/test_startup.py", "tests/service/test_agents.py",
     "tests/obstacles/distance/triangles/test_distance.py",
     "tests/service/test_positioner_obstacles.py",
-    "tests/course/test_example_course.py", "tests/service/test_startup.py", "tests/test_readme.py",
+    "tests/course/test_example_course.py", "tests/test_readme.py",
+    "tests/kinematics/calibration/test_calibrate.py",
     "tests/command_line/test_main.py", "tests/planning/proof/test_mimic_joints.py",
 )  # fmt: skip
 
