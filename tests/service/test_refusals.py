@@ -492,7 +492,7 @@ TABLE: dict[str, tuple[str, dict[str, Any], list[Change]]] = {
         (rows({"motor": MOTOR}, {}), ROBOT, "joint_2 have no motor"),
         (rows({"motor": MOTOR | {"resistance": 0.0}}), FORM, "dh.rows[0].motor.resistance"),
         (rows({"motor": {"gear_ratio": 2.0}}), FORM, "dh.rows[0].motor.inertia"),
-        (rows({"motor": MOTOR, "motor_inertia": 0.1}), FORM, "leave out motor_inertia"),
+        (rows({"motor": MOTOR, "motor_inertia": 0.1}), FORM, "give motor or motor_inertia"),
         (rows({"motor": MOTOR | {"gear_ratio": 1e9}}), ROBOT, "joint_1 has the inertia 1.2e+14"),
         (rows({"motor": MOTOR | {"resistance": 1e-300}}), ROBOT, "has the friction"),
     ]),

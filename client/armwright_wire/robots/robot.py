@@ -5,11 +5,11 @@ import struct
 from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
-from pydantic.config import JsonDict
 
 from armwright_wire.base import (
     MAX_JOINTS,
     Answer,
+    Beside,
     Body,
     BodyWithRules,
     Coordinate,
@@ -25,7 +25,6 @@ from armwright_wire.base import (
     Vector3,
     any_given,
     examples,
-    not_both,
     not_where,
 )
 from armwright_wire.pose import Pose, PoseAnswer
@@ -122,7 +121,7 @@ class LinkCapsules(Body):
     """their radius [m]"""
 
 
-class DhRow(Body):
+class DhRow(BodyWithRules):
     """One joint of a Denavit-Hartenberg table, with what is known of the link behind it.
 
     For a revolute joint `theta` is the offset of the joint variable, for a prismatic one `d` is.
@@ -131,8 +130,8 @@ class DhRow(Body):
     published_rules = (
         not_where("lower", continuous=True),
         not_where("upper", continuous=True),
-        *not_both("motor", "motor_inertia", "viscous_friction"),
     )
+    at_most_one = (("motor", "motor_inertia"), ("motor", "viscous_friction"))
 
     type: Literal["revolute", "prismatic"]
     """kind of joint"""
@@ -185,10 +184,6 @@ class DhRow(Body):
             raise ValueError("a continuous joint has neither lower nor upper")
         if self.lower is not None and self.upper is not None and self.lower >= self.upper:
             raise ValueError(f"lower ({self.lower:g}) must be less than upper ({self.upper:g})")
-        drive = (self.motor_inertia, self.viscous_friction)
-        if self.motor is not None and drive != (None, None):
-            raise ValueError("motor has an inertia and a friction: leave out motor_inertia and "
-                             "viscous_friction, or motor")  # fmt: skip
         return self
 
 
@@ -417,10 +412,8 @@ class RobotBody(RobotFields, BodyWithRules):
     """A robot as URDF or as a Denavit-Hartenberg table."""
 
     one_of: ClassVar[tuple[str, ...]] = ("urdf", "dh")
-    published_rules: ClassVar[tuple[JsonDict, ...]] = (
-        *not_both("dh", "srdf", "meshes", "held", "motors"),
-        not_where("dh", visual_solids=True),
-    )
+    needs: ClassVar[Beside] = dict.fromkeys(("srdf", "meshes", "held", "motors"), ("urdf",))
+    published_rules = (not_where("dh", visual_solids=True),)
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("RobotBody")})
 
@@ -449,9 +442,8 @@ class RobotBody(RobotFields, BodyWithRules):
         if self.dh is not None:
             if isinstance(self.calibration, str) or getattr(self.calibration, "file", None):
                 raise ValueError("a maker's calibration belongs to a URDF, not to a dh table")
-            for name in ("srdf", "meshes", "held", "motors", "visual_solids"):
-                if getattr(self, name) not in (None, False):
-                    raise ValueError(f"{name} belongs to a URDF, not to a dh table")
+            if self.visual_solids:
+                raise ValueError("visual_solids belongs to a URDF, not to a dh table")
         return self
 
 

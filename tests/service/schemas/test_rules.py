@@ -250,8 +250,8 @@ RULES: dict[str, Rule] = {
         RobotBody,
         [{"name": "r", "dh": TABLE}, URDF | {"srdf": "<robot/>"}, URDF | {"meshes": {"a": "AAAA"}}],
         [({"name": "r"}, "exactly one"), (URDF | {"dh": TABLE}, "exactly one"),
-         ({"name": "r", "dh": TABLE, "srdf": "<robot/>"}, "belongs to a URDF"),
-         ({"name": "r", "dh": TABLE, "meshes": {"a": "AAAA"}}, "belongs to a URDF"),
+         ({"name": "r", "dh": TABLE, "srdf": "<robot/>"}, "srdf needs urdf"),
+         ({"name": "r", "dh": TABLE, "meshes": {"a": "AAAA"}}, "meshes needs urdf"),
          (URDF | {"meshes": {"b.stl": "?"}}, "mesh 'b.stl': not valid base64")],
     ),
     "limits of a joint leave room": (
