@@ -30,7 +30,7 @@ from planning.retiming.passages import time_passages
 from planning.retiming.retimed import PathToTime, Retimed
 from planning.stops.certificate import certify_path_stops
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
-from planning.timing.method import JerkLimited, JerkUse, timing_method
+from planning.timing.method import JerkUse, timing_method
 from planning.timing.options import Interpolation, TimingFailed, TimingOptions
 from planning.timing.parametrization import TimeParametrization, timing_report
 from planning.timing.path.blend import blend, merge
@@ -142,25 +142,16 @@ class NearPath:
         return _line_notes(self.line)
 
     def attempts(self) -> list[Attempt]:
-        """Motions by the solver asked for, then by another one, in the order of their durations.
-
-        With many corners the optimum on a grid can be slower than closed forms, which are found in
-        a moment: the faster of the two is taken. A curve is taken where that is faster still.
-        """
-        solvers = [self.parametrization]
-        if isinstance(self.parametrization.method, JerkLimited):
-            other = self.parametrization.method.other
-            solvers.append(replace(self.parametrization, method=other))
+        """Motions in the order of their durations: where there is one, the curve is the faster."""
 
         @cache
         def fastest() -> ScaledTime:
-            closed = [self._on_line(by) for by in solvers[1:] if by.even_corners]
-            found = [self._on_line(self.parametrization), *closed]
-            return min(found, key=lambda timed: timed.trajectory.duration)
+            return self._on_line(self.line.reaches)
 
-        motions: list[Callable[[], ScaledTime]] = [fastest]
-        motions += [partial(self._on_line, by) for by in solvers[1:]]
-        attempts = [Attempt(motion, self.notes) for motion in motions]
+        attempts = [Attempt(fastest, self.notes)]
+        if self.line.reaches.any() and not self._moving:
+            stopping = partial(self._on_line, np.zeros_like(self.line.reaches))
+            attempts.append(Attempt(stopping, self.notes))
         curve = self._curve()
         if curve is None:
             return attempts
@@ -175,18 +166,16 @@ class NearPath:
                 return attempt.motion()
         return last.motion()
 
-    def _on_line(self, by: TimeParametrization) -> ScaledTime:
-        """The motion along straight lines with rounded corners."""
-        corners, reaches = self.line.corners, self.line.reaches
+    def _on_line(self, reaches: Array) -> ScaledTime:
+        """The motion along straight lines with corners rounded by reaches."""
+        corners, by, names = self.line.corners, self.parametrization, self.path.joint_names
         stretches = self.path.limits_at
-        if stretches:
-            curve, places = blend(corners, reaches, smooth=by.smooth), path_lengths(corners)
-            ends = stretch_places(stretches, self.points, self.line.numbers, places)
-            ends = around_corners(curve, places, ends)
-            names = self.path.joint_names
-            return TimedInStretches(curve, ends, stretches, by, names, self.chain).time()
-        reaches = by.widest_reaches(corners, reaches)
-        return by.time_polyline(corners, reaches, self.path.joint_names)
+        if not stretches:
+            return by.time_polyline(corners, reaches, names)
+        curve, places = blend(corners, reaches, smooth=by.smooth), path_lengths(corners)
+        ends = stretch_places(stretches, self.points, self.line.numbers, places)
+        ends = around_corners(curve, places, ends)
+        return TimedInStretches(curve, ends, stretches, by, names, self.chain).time()
 
     def _faster_on(self, curve: JointPath, on_line: Callable[[], ScaledTime]) -> ScaledTime:
         """The motion along a curve.

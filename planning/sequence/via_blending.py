@@ -222,8 +222,6 @@ def _reaches(
     for part, join in zip(parts, joins, strict=False):
         assert part.blend is not None
         most[join - 1] = reach_for_deviation(points, part.blend, smooth)[join - 1]
-    kept = np.flatnonzero(~_is_straight(points))[1:-1]
-    most[kept - 1] = parametrization.widest_reaches(points[np.r_[0, kept, -1]], most[kept - 1])
     first = 0
     for k, part in enumerate(parts):
         last = first + len(part.points) - 1

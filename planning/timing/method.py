@@ -1,7 +1,7 @@
 """Timing methods: each finds a motion in time along a given path."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import ClassVar, NamedTuple
 
@@ -53,6 +53,7 @@ class TimingMethod:
         smooth: Whether corners have to be rounded by curves of continuous curvature.
         follows_path: Whether the motion keeps exactly to the path that it is given.
         solver: Solver of the speeds, where there is a choice.
+        near_path: Whether a spline near the path is tried where it is proved free.
     """
 
     name: ClassVar[Method]
@@ -60,16 +61,7 @@ class TimingMethod:
     smooth: ClassVar[bool] = False
     follows_path: ClassVar[bool] = True
     solver: Solver | None = None
-
-    @property
-    def even_corners(self) -> bool:
-        """Whether rounded corners are passed at constant speed, in few pieces."""
-        return False
-
-    @property
-    def near_path(self) -> bool:
-        """Whether a spline near the path is tried where it is proved free."""
-        return False
+    near_path: bool = False
 
     def time(
         self,
@@ -147,34 +139,19 @@ class TimeOptimal(TimingMethod):
 
 @dataclass(frozen=True, slots=True)
 class JerkLimited(TimingMethod):
-    """Limits of velocity, acceleration and jerk.
+    """Limits of velocity, acceleration and jerk: on the path little more than the least time.
 
     Args:
-        solver: "interior_point" for little more than the least time, "double_s" for few pieces,
-            or "quintic_spline" for fewer.
+        near_path: Whether a spline near the path is tried where it is proved free.
         jerk: Use of jerk limits: required, or by rule where they are not known.
     """
 
-    solver: Solver = "interior_point"
+    near_path: bool = False
     jerk: JerkUse = JerkUse.REQUIRED
+    solver: Solver = field(default="interior_point", init=False)
 
     name: ClassVar[Method] = "jerk_limited"
     smooth: ClassVar[bool] = True
-
-    @property
-    def even_corners(self) -> bool:
-        """Whether rounded corners are passed at constant speed, in few pieces."""
-        return self.solver != "interior_point"
-
-    @property
-    def near_path(self) -> bool:
-        """Whether a spline near the path is tried where it is proved free."""
-        return self.solver == "quintic_spline"
-
-    @property
-    def other(self) -> "JerkLimited":
-        """The method with another solver, for where this one finds nothing."""
-        return replace(self, solver="interior_point" if self.even_corners else "double_s")
 
     def time(
         self,
@@ -219,4 +196,4 @@ def timing_method(name: Method | None, solver: Solver | None = None) -> TimingMe
         return SplineInTime()
     if solver is None and name is not None:
         return JerkLimited()
-    return JerkLimited(solver or "quintic_spline", JerkUse.RULED)
+    return JerkLimited(solver in {None, "quintic_spline"}, JerkUse.RULED)

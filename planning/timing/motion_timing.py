@@ -21,7 +21,7 @@ from kinematics.trajectory.trajectory import Trajectory, stay
 from obstacles.collision.checker import Checker
 from obstacles.collision.lanes.check import mark_blocked
 from obstacles.collision.model.model_arrays import ModelArrays
-from planning.timing.jerk.even_corners import Pieces
+from planning.timing.jerk.jerk_limited import Pieces
 from planning.timing.options import TimingFailed, TimingOptions
 from planning.timing.parametrization import (
     TimeParametrization,
@@ -132,8 +132,7 @@ class _RoundedMotion:
     preferred: Sequence[Checker]
     holds: Callable[[Array], bool] | None = None
     left_path: bool = field(default=False, init=False)
-    _found_reaches: dict[bool, Array] = field(default_factory=dict, init=False)
-    _found_widest: dict[bool, Array] = field(default_factory=dict, init=False)
+    _found_reaches: Array | None = field(default=None, init=False)
     _kept_on_path: dict[int, bool] = field(default_factory=dict, init=False)
     _on_path: ScaledTime | None = field(default=None, init=False)
 
@@ -152,7 +151,7 @@ class _RoundedMotion:
         if wide is not None and wide.is_clear:
             self.left_path = True
             return wide.spline
-        reaches = self._reaches(near=True)
+        reaches = self._reaches()
         rounded = self.parametrization.near_corners(self.points, reaches)
         if rounded is not None:
             spline = self._spline_near(rounded, reaches, wide, names)
@@ -214,7 +213,7 @@ class _RoundedMotion:
         """
         if not self.preferred:
             return None
-        reaches = self._widest_reaches(near=True)
+        reaches = self._widest_reaches()
         rounded = self.parametrization.near_corners(self.points, reaches)
         if rounded is None:
             return None
@@ -224,29 +223,25 @@ class _RoundedMotion:
             return None
         return _Wide(reaches, spline, _keeps(self.preferred[0], spline.trajectory))
 
-    def _reaches(self, *, near: bool = False) -> Array:
-        """Reaches of the corners that are proved free, for a motion near the path or on it."""
-        if near not in self._found_reaches:
-            self._found_reaches[near] = certified_reaches(
+    def _reaches(self) -> Array:
+        """Reaches of the corners that are proved free."""
+        if self._found_reaches is None:
+            self._found_reaches = certified_reaches(
                 self.checker,
                 self.points,
                 self.deadline,
                 smooth=self.parametrization.smooth,
-                most=self._widest_reaches(near=near),
+                most=self._widest_reaches(),
                 preferred=[level for level in self.preferred if level is not self.checker],
             )
-        return self._found_reaches[near]
+        return self._found_reaches
 
-    def _widest_reaches(self, *, near: bool) -> Array:
-        """Reaches of the corners that are worth being proved free."""
-        if near not in self._found_widest:
-            tolerance, parametrization = self.timing.blend_tolerance, self.parametrization
-            largest = largest_reaches(self.points)
-            if tolerance is not None:
-                largest = reach_for_deviation(self.points, tolerance, parametrization.smooth)
-            widest = largest if near else parametrization.widest_reaches(self.points, largest)
-            self._found_widest[near] = widest
-        return self._found_widest[near]
+    def _widest_reaches(self) -> Array:
+        """Reaches of the corners that are asked for."""
+        tolerance = self.timing.blend_tolerance
+        if tolerance is None:
+            return largest_reaches(self.points)
+        return reach_for_deviation(self.points, tolerance, self.parametrization.smooth)
 
     def _is_as_clear(self, motion: Trajectory, rounded: Pieces) -> bool:
         """Whether a motion keeps the highest level that the rounded one keeps, or a higher one."""

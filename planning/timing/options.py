@@ -20,8 +20,8 @@ METHODS: tuple[Method, ...] = ("toppra", "spline", "jerk_limited")
 #: Method of timing where none is named.
 DEFAULT_METHOD: Method = "jerk_limited"
 
-#: Who finds the speeds: for "toppra" our compiled kernels or the toppra package; for
-#: "jerk_limited" a spline with few pieces, closed forms between corners, or the optimum on a grid.
+#: Who finds the speeds: for "toppra" our compiled kernels or the toppra package. "jerk_limited" has
+#: one method: on the path, or by a spline near it; "double_s" is an older name for the first.
 Solver = Literal["reachability", "toppra", "quintic_spline", "double_s", "interior_point"]
 TOPPRA_SOLVERS: tuple[Solver, ...] = ("reachability", "toppra")
 JERK_SOLVERS: tuple[Solver, ...] = ("quintic_spline", "double_s", "interior_point")
@@ -57,9 +57,9 @@ class TimingOptions:
             not known follow ``planning.timing.choice.JERK_RULE``, unless jerk_limited is named
             without a solver.
         solver: Solver for "toppra": "reachability" (ours) or "toppra" (the package); ours where
-            None. For "jerk_limited": "quintic_spline" (fewest pieces, near the path), "double_s"
-            (few pieces, on the path) or "interior_point" (nearly the least time); the first where
-            neither method nor solver is named, else the last.
+            None. For "jerk_limited": "quintic_spline" for fewest pieces, near the path where that
+            is proved; "interior_point" (or "double_s", its older name) for the path itself. The
+            first where neither method nor solver is named, else the second.
         velocity_scaling: Share of the velocity limits to use, in (0, 1].
         acceleration_scaling: Share of the acceleration limits to use, in (0, 1].
         jerk_scaling: Share of the jerk limits to use, in (0, 1].

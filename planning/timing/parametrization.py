@@ -12,12 +12,8 @@ from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.estimate import estimate_limits
-from planning.timing.jerk.even_corners import (
-    Pieces,
-    fastest_reaches,
-    time_even_corners,
-)
-from planning.timing.jerk.jerk_limited import rough_pieces
+from planning.timing.jerk.double_s import MAX_PHASES
+from planning.timing.jerk.jerk_limited import Pieces, rough_pieces, time_path_with_jerk
 from planning.timing.method import JerkUse, PathLimits, TimingMethod
 from planning.timing.options import Method, Solver, TimingFailed
 from planning.timing.path.blend import blend, merge
@@ -55,11 +51,9 @@ class TimeParametrization:
         ruled: Names of joints whose jerk limit is not known but made by a rule.
         ignored_jerk: A jerk limit that was given, shape (n,), which the method does not keep.
 
-    Also known: ``few_pieces``, whether motions of few pieces are tried first, which loads may slow
-    down a little; ``even_corners``, whether rounded corners are passed at constant speed, at
-    rest at the ends and without loads; ``jerk_bounds``, limits of velocity, acceleration and
-    jerk, shape (3, n), where jerk is limited; ``bounds``, the limits that a motion is held to,
-    by quantity; ``near_path``, whether a spline near the path is tried where it is proved free.
+    Also known: ``jerk_bounds``, limits of velocity, acceleration and jerk, shape (3, n), where
+    jerk is limited; ``bounds``, the limits that a motion is held to, by quantity; ``near_path``,
+    whether a spline near the path is tried where it is proved free.
     """
 
     method: TimingMethod
@@ -71,23 +65,18 @@ class TimeParametrization:
     end_velocity: Array | None = None
     ruled: tuple[str, ...] = ()
     ignored_jerk: Array | None = None
-    few_pieces: bool = field(init=False, repr=False)
-    even_corners: bool = field(init=False, repr=False)
     jerk_bounds: Array = field(init=False, repr=False)
     bounds: Mapping[str, Array] = field(init=False, repr=False)
     near_path: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         moving = any(v is not None and v.any() for v in (self.start_velocity, self.end_velocity))
-        few_pieces = self.method.even_corners and not moving
         bounds = {"velocity": self.velocity, "acceleration": self.acceleration}
         if self.jerk is not None:
             bounds["jerk"] = self.jerk
             object.__setattr__(self, "jerk_bounds", frozen(np.stack([*bounds.values()])))
         object.__setattr__(self, "bounds", bounds)
-        object.__setattr__(self, "few_pieces", few_pieces)
-        object.__setattr__(self, "near_path", few_pieces and self.method.near_path)
-        object.__setattr__(self, "even_corners", few_pieces and self.loads is None)
+        object.__setattr__(self, "near_path", self.method.near_path and not moving)
 
     @property
     def smooth(self) -> bool:
@@ -182,17 +171,6 @@ class TimeParametrization:
             return None
         return slowed._replace(solver=scaled.solver)
 
-    def widest_reaches(self, waypoints: Array, largest: Array) -> Array:
-        """Reaches of a polyline's corners that are worth being proved free, shape (k - 2,).
-
-        Args:
-            waypoints: Merged, shape (k, n), k >= 3.
-            largest: Reaches at most, shape (k - 2,).
-        """
-        if not self.even_corners or len(waypoints) < 3:
-            return largest
-        return fastest_reaches(waypoints, self.jerk_bounds, largest)
-
     @cached_property
     def estimate_limits(self) -> Array:
         """Limits of velocity, acceleration and jerk for estimates of times, shape (3, n)."""
@@ -235,25 +213,43 @@ class TimeParametrization:
             InvalidOption: As ``time``.
             TimingFailed: As ``time``.
         """
-        path = blend(waypoints, reaches, smooth=self.smooth)
-        if self.even_corners:
-            return time_even_corners(path, joint_names, self.jerk_bounds)
-        if self.few_pieces and not reaches.any():
-            legs = time_even_corners(path, joint_names, self.jerk_bounds)
-            slowed = legs if self.loads is None else self._slow_down_a_little(self.loads, legs)
+        found, failures = list[ScaledTime](), list[TimingFailed]()
+        for tried in self._reaches_tried(waypoints, reaches):
+            path = blend(waypoints, tried, smooth=self.smooth)
+            try:
+                found.append(self._time_on(path, joint_names))
+            except TimingFailed as failure:
+                failures.append(failure)
+        if not found:
+            raise failures[0]
+        fastest = min(found, key=lambda timed: timed.trajectory.duration)
+        if len(waypoints) == 2 and fastest.trajectory.pieces > MAX_PHASES:
+            # Near a straight path is on it.
+            return next(self.splines_within_loads(fastest.trajectory, joint_names), fastest)
+        return fastest
+
+    def _reaches_tried(self, waypoints: Array, reaches: Array) -> list[Array]:
+        """Reaches, those with stops at sharp turns, and stops at all corners, each (k - 2,).
+
+        Under low jerk limits a narrow curve may take longer than a stop.
+        """
+        if not (self.smooth and reaches.any()):
+            return [reaches]
+        legs = np.diff(waypoints, axis=0)
+        legs /= np.linalg.norm(legs, axis=1)[:, None]
+        # Cosine of the turn from which on a stop may be faster: that of 66 degrees.
+        sharp = (legs[1:] * legs[:-1]).sum(axis=1) < 0.4
+        some, none = np.where(sharp, 0.0, reaches), np.zeros_like(reaches)
+        return [reaches, *(() if (some == reaches).all() or not some.any() else (some,)), none]
+
+    def _time_on(self, path: JointPath, joint_names: Sequence[str]) -> ScaledTime:
+        """The motion along a rounded polyline; legs in few pieces where loads hardly bind."""
+        if self.near_path and self.loads and not path.coefficients[:, :, 2:].any():
+            legs = time_path_with_jerk(path, joint_names, *self.jerk_bounds)
+            slowed = self._slow_down_a_little(self.loads, legs)
             if slowed is not None:
                 return slowed
-        rounded = self.time(path, joint_names)
-        if len(waypoints) == 2:
-            # Near a straight path is on it.
-            spline = next(self.splines_within_loads(rounded.trajectory, joint_names), None)
-            if spline is not None:
-                return spline
-        if not (self.smooth and reaches.any()):
-            return rounded
-        # Under low jerk limits a narrow curve may take longer than a stop.
-        stopping = self.time(blend(waypoints, 0.0 * reaches, smooth=True), joint_names)
-        return min(rounded, stopping, key=lambda timed: timed.trajectory.duration)
+        return self.time(path, joint_names)
 
     def time_spline(
         self,
@@ -412,7 +408,5 @@ def timing_report(parametrization: TimeParametrization, solver: Solver | None) -
         parametrization: Method and limits.
         solver: Name of the solver as the motion tells it; None for the usual one of the method.
     """
-    method = parametrization.method
-    if solver is None and method.solver is not None:
-        solver = "interior_point" if method.even_corners else method.solver
+    method, solver = parametrization.method, solver or parametrization.method.solver
     return TimingReport(method.name, solver, parametrization.bounds, parametrization.ruled)

@@ -181,7 +181,7 @@ def test_a_path_is_told_by_its_fewest_waypoints(client: httpx.Client) -> None:
 
 def test_a_motion_keeps_to_the_tolerance_of_its_path(client: httpx.Client) -> None:
     u = np.linspace(0.0, 1.0, 400)[:, None]
-    path = {"joints": (u * [1.0, 0.3] + 0.1 * np.sin(u * [9.0, 7.0])).tolist(), "tolerance": 2e-3}
+    path = {"joints": (u * [1.0, 0.3] + 0.1 * np.sin(u * [9.0, 7.0])).tolist(), "tolerance": 1e-3}
     found = retimed(client, path=path)
     assert found["status"] == "success"
     assert "smooth curve" in found["notes"][0]

@@ -23,11 +23,11 @@ class Timing(Body):
     jerk limits is timed by toppra
     """
     solver: TimingSolver | None = None
-    """of jerk_limited: quintic_spline (fewest pieces, where proved), double_s (few pieces, on the
-    path) or interior_point (nearly the least time); the first where method is left out, else the
-    last. Of toppra: reachability (ours) if left out; toppra runs the package of that name, slows
-    its answer down until all limits hold between its grid points too, and tells in the notes what
-    that costs
+    """of jerk_limited: quintic_spline (fewest pieces, near the path where that is proved) or
+    interior_point (on the path; double_s is its older name); the first where method is left out,
+    else the second. Of toppra: reachability (ours) if left out; toppra runs the package of that
+    name, slows its answer down until all limits hold between its grid points too, and tells in the
+    notes what that costs
     """
     velocity_scaling: Ratio | None = None
     """share of the velocity limits; 1 if left out"""

@@ -1,44 +1,25 @@
-"""Motion along a polyline with rounded corners in few cubic pieces: double-S legs, even corners.
+"""Straight legs run through in the least time that a bounded jerk allows, in closed form.
 
-Straight legs are run through in the least time that a bounded jerk allows between the speeds of
-their ends, by ramps of at most three phases of constant jerk ("Trajectory Planning for Automatic
-Machines and Robots", 2008, section 3.4). Corners rounded by cubics are passed at constant speed.
-Acceleration is continuous, q(t) cubic in every piece, and all limits hold by construction.
-
-Along a leg with limits V, A, J a ramp between the speeds v < w takes the time
+A ramp leads from one speed to another in at most three phases of constant jerk ("Trajectory
+Planning for Automatic Machines and Robots", 2008, section 3.4). With limits V, A, J along the leg
+one between the speeds v < w takes the time
 
     T(w - v) = 2 sqrt((w - v) / J) where (w - v) J <= A^2, else (w - v) / A + A / J
 
-and the way (v + w) T / 2. Speeds of corners are lowered, forwards and backwards, to what the legs
-leave room for; then each leg has a highest speed p between them, which its length determines.
+and the way (v + w) T / 2. A leg has a highest speed between its ends, which its length determines.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
 from planning.timing.options import TimingFailed
 
-#: A speed is found when a step changes it by less than this part.
-CONVERGED = 1e-15
 #: Phases of a leg, at most: two ramps of three and a stretch at constant speed.
 MAX_PHASES = 7
-
-
-class Legs(NamedTuple):
-    """Straight legs with limits along them.
-
-    Args:
-        lengths: Shape (m,) [rad or m].
-        limits: Limits of speed (inf for none), acceleration and jerk along each, shape (m, 3).
-    """
-
-    lengths: Array
-    limits: Array
 
 
 @kernel(inline="code", allocates=False)
@@ -70,53 +51,14 @@ def _ramp_slope(low: float, high: float, acceleration: float, jerk: float) -> fl
 
 
 @kernel(inline="code", allocates=False)
-def _excess(
-    start: float, end: float, speed: float, length: float, limits: Array, alike: bool
-) -> float:
+def _excess(start: float, end: float, speed: float, length: float, limits: Array) -> float:
     """By how much the ramps to a speed from both ends of a leg are longer than it."""
     ramp = _ramp_length(start, speed, limits[1], limits[2])
-    other = ramp if alike else _ramp_length(end, speed, limits[1], limits[2])
-    return ramp + other - length
+    return ramp + _ramp_length(end, speed, limits[1], limits[2]) - length
 
 
 @kernel(allocates=False)
-def _peak_speed(
-    start: float, end: float, length: float, limits: Array, tolerance: float, alike: bool
-) -> float:
-    """``peak_speed``; ``alike`` says that both ends have the same speed, which halves the work."""
-    v, a, j = float(limits[0]), float(limits[1]), float(limits[2])
-    low = max(start, end)
-    # Lengths that differ by less than this part are the same.
-    if _excess(start, end, low, 0.0, limits, alike) >= (1.0 - 1e-13) * length:
-        return low
-    high = v
-    if not v < np.inf:
-        # From rest half the leg is run through in more time than this, at the least acceleration.
-        high = low + math.sqrt(2.0 * a * length) + length * math.sqrt(a / length) + 1e-12
-    if not _excess(start, end, high, length, limits, alike) > 0.0:
-        return high
-    below, above = low, high
-    speed = 0.5 * (below + above)
-    # Steps of Newton's method, safeguarded by bisection: eight are usual.
-    for _ in range(80):
-        excess = _excess(start, end, speed, length, limits, alike)
-        if excess > 0.0:
-            above = speed
-        else:
-            below = speed
-        slope = _ramp_slope(start, speed, a, j)
-        slope += slope if alike else _ramp_slope(end, speed, a, j)
-        better = speed - excess / slope
-        if not below < better < above:
-            better = 0.5 * (below + above)
-        change, speed = abs(better - speed), better
-        if change <= tolerance * speed:
-            break
-    return speed
-
-
-@kernel(allocates=False)
-def peak_speed(start: float, end: float, length: float, limits: Array, tolerance: float) -> float:
+def peak_speed(start: float, end: float, length: float, limits: Array) -> float:
     """Largest speed of a leg that is begun and ended at given speeds; the larger if none is higher.
 
     Args:
@@ -124,55 +66,36 @@ def peak_speed(start: float, end: float, length: float, limits: Array, tolerance
         end: Speed at its end.
         length: Length of the leg.
         limits: Limits of speed, acceleration and jerk along it, shape (3,).
-        tolerance: Error of the speed, as a part of it.
     """
-    return _peak_speed(start, end, length, limits, tolerance, False)
-
-
-@kernel(allocates=False)
-def reachable_speed(start: float, length: float, limits: Array, tolerance: float) -> float:
-    """The largest speed that a leg allows at its end."""
-    return _peak_speed(start, start, 2.0 * length, limits, tolerance, True)
-
-
-@kernel(allocates=False)
-def leg_time(start: float, end: float, length: float, limits: Array, tolerance: float) -> float:
-    """Least time of a leg between two speeds that it leaves room for [s]."""
-    if not length > 0.0:
-        return 0.0
-    peak = peak_speed(start, end, length, limits, tolerance)
-    a, j = float(limits[1]), float(limits[2])
-    ramps = _ramp_length(start, peak, a, j) + _ramp_length(end, peak, a, j)
-    time = ramp_time(peak - start, a, j) + ramp_time(peak - end, a, j)
-    return time + max(length - ramps, 0.0) / peak
-
-
-@kernel(allocates=False)
-def lower_speeds_kernel(legs: Legs, speeds: Array, tolerance: float) -> float:
-    """Lower the speeds between legs to what they leave room for; the time of all legs [s].
-
-    Args:
-        legs: m legs.
-        speeds: Speeds at the start, between the legs and at the end; the largest ones come in, the
-            possible ones go out, shape (m + 1,).
-        tolerance: Error of a speed, as a part of it.
-    """
-    m = legs.lengths.shape[0]
-    for i in range(m):
-        if speeds[i + 1] > speeds[i]:
-            length, limits = legs.lengths[i], legs.limits[i]
-            reachable = reachable_speed(speeds[i], length, limits, tolerance)
-            speeds[i + 1] = min(speeds[i + 1], reachable)
-    for i in range(m - 1, -1, -1):
-        if speeds[i] > speeds[i + 1]:
-            length, limits = legs.lengths[i], legs.limits[i]
-            reachable = reachable_speed(speeds[i + 1], length, limits, tolerance)
-            speeds[i] = min(speeds[i], reachable)
-    time = 0.0
-    for i in range(m):
-        start, end = speeds[i], speeds[i + 1]
-        time += leg_time(start, end, legs.lengths[i], legs.limits[i], tolerance)
-    return time
+    v, a, j = float(limits[0]), float(limits[1]), float(limits[2])
+    low = max(start, end)
+    # Lengths that differ by less than this part are the same.
+    if _excess(start, end, low, 0.0, limits) >= (1.0 - 1e-13) * length:
+        return low
+    high = v
+    if not v < np.inf:
+        # From rest half the leg is run through in more time than this, at the least acceleration.
+        high = low + math.sqrt(2.0 * a * length) + length * math.sqrt(a / length) + 1e-12
+    if not _excess(start, end, high, length, limits) > 0.0:
+        return high
+    below, above = low, high
+    speed = 0.5 * (below + above)
+    # Steps of Newton's method, safeguarded by bisection: eight are usual.
+    for _ in range(80):
+        excess = _excess(start, end, speed, length, limits)
+        if excess > 0.0:
+            above = speed
+        else:
+            below = speed
+        slope = _ramp_slope(start, speed, a, j) + _ramp_slope(end, speed, a, j)
+        better = speed - excess / slope
+        if not below < better < above:
+            better = 0.5 * (below + above)
+        change, speed = abs(better - speed), better
+        # A speed is found when a step changes it by less than this part.
+        if change <= 1e-15 * speed:
+            break
+    return speed
 
 
 @kernel(inline="code", allocates=False)
@@ -223,54 +146,20 @@ def leg_phases_kernel(start: float, end: float, length: float, limits: Array, ph
         phases: Room for ``MAX_PHASES`` rows of 5.
     """
     a, j = limits[1], limits[2]
-    peak = peak_speed(start, end, length, limits, CONVERGED)
-    # Phases that take less than this part of their leg's time are rounding: no pieces.
-    least = 1e-12 * leg_time(start, end, length, limits, CONVERGED)
+    peak = peak_speed(start, end, length, limits)
     rising = 0.0 if _are_same(start, peak) else _ramp_length(start, peak, a, j)
     falling = 0.0 if _are_same(end, peak) else _ramp_length(end, peak, a, j)
-    used = _write_ramp(0.0, start, peak, limits, least, phases, 0)
     even = (length - rising - falling) / peak
+    # Phases that take less than this part of their leg's time are rounding: no pieces.
+    ramps = ramp_time(peak - start, a, j) + ramp_time(peak - end, a, j)
+    least = 1e-12 * (ramps + max(even, 0.0))
+    used = _write_ramp(0.0, start, peak, limits, least, phases, 0)
     if even > least:
         row = phases[used]
         row[0], row[1], row[2], row[3], row[4] = rising, peak, 0.0, 0.0, even
         used += 1
     # From the leg's end backwards, so that it is met to the last bit.
     return _write_ramp(length - falling, peak, end, limits, least, phases, used)
-
-
-@kernel
-def polyline_phases_kernel(
-    lengths: Array,
-    straight: NDArray[np.bool_],
-    limits: Array,
-    speeds: Array,
-    phases: Array,
-    owners: NDArray[np.int64],
-) -> int:
-    """Write the phases of a path of straight pieces and curves at constant speed; their number.
-
-    Args:
-        lengths: Lengths of the path's pieces, shape (p,).
-        straight: Marks of those that are straight, shape (p,).
-        limits: Limits along the straight ones, shape (p, 3).
-        speeds: Speeds at the start, between the pieces and at the end, shape (p + 1,).
-        phases: Shape (>= MAX_PHASES p, 5).
-        owners: The path's piece of each phase, shape (>= MAX_PHASES p,).
-    """
-    used = 0
-    for i in range(lengths.shape[0]):
-        before = used
-        if straight[i]:
-            rows = phases[used:]
-            used += leg_phases_kernel(speeds[i], speeds[i + 1], lengths[i], limits[i], rows)
-        else:
-            row = phases[used]
-            row[0], row[1], row[2], row[3], row[4] = 0.0, speeds[i], 0.0, 0.0, 0.0
-            row[4] = lengths[i] / speeds[i]
-            used += 1
-        for phase in range(before, used):
-            owners[phase] = i
-    return used
 
 
 def line_phases(
@@ -303,3 +192,91 @@ def line_phases(
     along[0] = max(along[0], high)
     phases = np.empty((MAX_PHASES, 5))
     return phases[: leg_phases_kernel(start_speed, end_speed, length, along, phases)]
+
+
+@kernel(allocates=False)
+def moving_leg_kernel(
+    start: tuple[float, float],
+    end: tuple[float, float],
+    length: float,
+    limits: Array,
+    phases: Array,
+) -> int:
+    """Write the phases of a leg between two speeds with accelerations; their number, 0 for none.
+
+    The jerk is at its limit at both ends, upwards or downwards: the fastest of the four motions.
+
+    Args:
+        start: Speed and acceleration at its start.
+        end: Speed and acceleration at its end.
+        length: Length of the leg.
+        limits: Limits of speed, acceleration and jerk along it, shape (3,).
+        phases: Room for ``MAX_PHASES`` + 2 rows of 5.
+    """
+    fastest, best, used = np.inf, 0, 0
+    for number in range(5):
+        chosen = number if number < 4 else best
+        first, last = 1.0 - 2.0 * (chosen % 2), 1.0 - 2.0 * (chosen // 2)
+        used = _extended_leg(start, end, (first, last), length, limits, phases)
+        time = 0.0
+        for i in range(used):
+            time += phases[i, 4]
+        if used > 0 and time < fastest:
+            fastest, best = time, chosen
+    return used if fastest < np.inf else 0
+
+
+@kernel(allocates=False)
+def _extended_leg(
+    start: tuple[float, float],
+    end: tuple[float, float],
+    signs: tuple[float, float],
+    length: float,
+    limits: Array,
+    phases: Array,
+) -> int:
+    """``moving_leg_kernel`` with the signs of the jerk at both ends.
+
+    With the jerk J an acceleration a is 0 a / J before, or -a / J later where that is negative.
+    Between the places without acceleration lies a usual leg. Its end is a start run through
+    backwards.
+    """
+    up, down = signs[0] * limits[2], signs[1] * limits[2]
+    rise, fall = start[1] / up, -end[1] / down
+    low, high = start[0] - 0.5 * up * rise * rise, end[0] - 0.5 * down * fall * fall
+    before = (low + up * rise * rise / 6.0) * rise
+    after = (high + down * fall * fall / 6.0) * fall
+    whole, ends = length + before + after, max(start[0], end[0])
+    if min(low, high) < -1e-12 * ends or max(low, high) > limits[0] or not whole > 0.0:
+        return 0
+    low, high = max(low, 0.0), max(high, 0.0)
+    if _ramp_length(min(low, high), max(low, high), limits[1], limits[2]) > whole:
+        return 0
+    # Phases shorter than this are rounding.
+    least = 1e-12 * whole / max(ends, (limits[2] * whole * whole) ** (1.0 / 3.0))
+    used: int = 0
+    if rise < -least:
+        row = phases[0]
+        row[0], row[1], row[2], row[3], row[4] = 0.0, start[0], 0.5 * start[1], up / 6.0, -rise
+        used = 1
+    own = phases[used : used + leg_phases_kernel(low, high, whole, limits, phases[used:])]
+    used += own.shape[0]
+    if own.shape[0] == 0:
+        return 0
+    for row in own:
+        row[0] -= before
+    if rise > least:
+        row = own[0]
+        if not (row[3] * up > 0.0 and row[4] > rise + least):
+            return 0
+        row[0], row[1], row[2], row[4] = 0.0, start[0], 0.5 * start[1], row[4] - rise
+    if fall > least:
+        row = own[-1]
+        if not (row[3] * down > 0.0 and row[4] > fall + least):
+            return 0
+        row[4] -= fall
+    elif fall < -least:
+        row = phases[used]
+        row[0], row[1], row[2], row[3], row[4] = length + after, high, 0.0, down / 6.0, -fall
+        used += 1
+    return used

@@ -1,14 +1,15 @@
 """The least time along a given path within velocity, acceleration and jerk limits.
 
-Straight stretches between stops are run through in seven phases, in closed form. On all others the
-squared speed is a spline on a grid, found by an interior-point method. What comes of it is turned
-into exact polynomials of time with continuous acceleration, and slowed down by what their exact
-peaks exceed the limits by: a hundredth as a rule, since on the grid they hold.
+The squared speed is a spline on a grid, found by an interior-point method. What comes of it is
+turned into exact polynomials of time with continuous acceleration; straight legs are run through in
+closed form between the states at their ends. Time is stretched by what the exact peaks exceed the
+limits by: a hundredth as a rule, since on the grid they hold.
 """
 
 import itertools
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,10 +18,8 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
-from planning.timing.jerk.double_s import line_phases
-from planning.timing.jerk.even_corners import Pieces
+from planning.timing.jerk.double_s import MAX_PHASES, line_phases, moving_leg_kernel
 from planning.timing.jerk.grid import (
-    FINE,
     Cells,
     Extra,
     Grid,
@@ -109,10 +108,70 @@ def ratios_kernel(
         ratios[0, i], ratios[1, i], ratios[2, i] = worst_v, worst_a, worst_j
 
 
+class Pieces(NamedTuple):
+    """Pieces of a motion, not yet checked.
+
+    Args:
+        breaks: Shape (m + 1,) [s].
+        coefficients: Shape (m, n, k).
+    """
+
+    breaks: Array
+    coefficients: Array
+
+
+@kernel
+def legs_kernel(
+    path: Pieces, limits: Array, given: Array, owners: Indices, phases: Array, whose: Indices
+) -> int:
+    """Write phases with those of straight pieces in closed form, where that is no slower.
+
+    Args:
+        path: Breaks and coefficients of the path.
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
+        given: Phases, their starts along their pieces, shape (M, 5).
+        owners: The path's piece of each, shape (M,).
+        phases: Room for the phases, shape (M + MAX_PHASES + 2, 5).
+        whose: Likewise for the path's piece of each.
+
+    Returns:
+        The number of the phases.
+    """
+    coefficients, along = path.coefficients, np.empty(3)
+    used, first = 0, 0
+    while first < given.shape[0]:
+        piece, last, time, count = owners[first], first, 0.0, 0
+        while last < given.shape[0] and owners[last] == piece:
+            time += given[last, 4]
+            last += 1
+        if not coefficients[piece, :, 2:].any():
+            for row in range(3):
+                along[row] = np.inf
+                for joint in range(coefficients.shape[1]):
+                    limit = limits[row, joint] / abs(coefficients[piece, joint, 1])
+                    along[row] = min(along[row], limit)
+            begin, end = given[first], given[last - 1]
+            start = begin[1], 2.0 * begin[2]
+            speed = end[1] + (2.0 * end[2] + 3.0 * end[3] * end[4]) * end[4]
+            finish = speed, 2.0 * end[2] + 6.0 * end[3] * end[4]
+            length = path.breaks[piece + 1] - path.breaks[piece]
+            count = moving_leg_kernel(start, finish, length, along, phases[used:])
+            # What is found on the grid may be that much too fast between its knots.
+            if phases[used : used + count, 4].sum() > 1.01 * time:
+                count = 0
+        if count == 0:
+            count = last - first
+            phases[used : used + count] = given[first:last]
+        whose[used : used + count] = piece
+        used += count
+        first = last
+    return used
+
+
 #: What the time found may exceed the least one on the grid by, as a part of it.
 TOLERANCE = 3e-3
 # The same for a rough motion, and its cells: finer ones make the spline near it hardly faster.
-_ROUGH_TOLERANCE, _ROUGH_CELLS = 0.2, Cells(5, 3, 7)
+_ROUGH_TOLERANCE, _ROUGH_CELLS = 0.2, Cells(4, 3, 6)
 _NEARLY_INSIDE = 0.95
 _ROUNDS = 2
 
@@ -226,7 +285,7 @@ def _curved_phases(
     rough: bool,
 ) -> tuple[Array, Indices]:
     """The phases of a section, their starts within the path's pieces, and those pieces."""
-    made = grid(path, limits, speeds, extra, _ROUGH_CELLS if rough else FINE)
+    made = grid(path, limits, speeds, extra, _ROUGH_CELLS if rough else None)
     rows = made.rows
     z = _start(rows)
     # Barrier parameter at the start from a first guess, far from the limits, and what the time may
@@ -258,7 +317,13 @@ def _curved_phases(
         phases = _phases(made, z, speeds)
     owners = np.repeat(made.pieces, 2)
     phases[:, 0] -= path.breaks[owners]
-    return phases, owners
+    if extra is not None:
+        return phases, owners
+    size = len(phases) + MAX_PHASES + 2
+    made_phases, whose = np.empty((size, 5)), np.empty(size, dtype=np.int64)
+    own = Pieces(path.breaks, path.coefficients)
+    used = legs_kernel(own, limits, phases, owners, made_phases, whose)
+    return made_phases[:used], whose[:used]
 
 
 def _faster(rows: JerkLimits, z: Array, enough: float) -> Array:

@@ -28,8 +28,8 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.polynomial import sample_kernel
 from kinematics.trajectory.trajectory import Trajectory
-from planning.timing.jerk.even_corners import Pieces
 from planning.timing.jerk.interior_point import solve_banded_kernel
+from planning.timing.jerk.jerk_limited import Pieces
 from planning.timing.spline.span_loads import (
     SpanLoads,
     no_loads,

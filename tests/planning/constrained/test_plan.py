@@ -110,7 +110,7 @@ def test_in_a_thin_plane_around_a_post() -> None:
     answer = planned(start, goal, pillar(0.1, 0.5), plane)
     assert worst(answer.trajectory, lambda T: abs(T[2, 3] - 0.4)) <= 2e-3 + 1e-6
     assert answer.timing is not None
-    assert answer.timing.solver in ("quintic_spline", "double_s")
+    assert answer.timing.solver in ("quintic_spline", "interior_point")
 
 
 def test_along_a_line_with_a_fixed_orientation() -> None:

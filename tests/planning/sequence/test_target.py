@@ -395,7 +395,7 @@ def test_an_obstacle_inside_the_corner_narrows_the_blend_and_fcl_finds_the_way_f
     wide = _plan(_via(A, 1.0), _via(C, None))
     tips = forward(crate.panda().chain, np.array([A, wide.stages[0].trajectory.end]))[:, :3, 3]
     # Beside the blend, and no nearer to the goal that is passed than is preferred.
-    post = aw.Obstacle("post", aw.Sphere(0.01), aw.pose(tips[0] + 6.0 * (tips[1] - tips[0])))
+    post = aw.Obstacle("post", aw.Sphere(0.01), aw.pose(tips[0] + 4.5 * (tips[1] - tips[0])))
     narrow = _plan(_via(A, 1.0), _via(C, None), more=(post,))
     judge = FclJudge(crate.panda(), crate.scene(post))
     assert narrow.stages[0].passes

@@ -143,14 +143,15 @@ def test_jerk_limits_that_are_not_known_follow_the_rule_where_no_method_is_named
 
 
 def test_a_solver_without_a_method_names_its_method() -> None:
-    for solver, name, even in (
+    for solver, name, near in (
         ("toppra", "toppra", False),
         ("interior_point", "jerk_limited", False),
-        ("double_s", "jerk_limited", True),
+        ("double_s", "jerk_limited", False),
+        ("quintic_spline", "jerk_limited", True),
     ):
         timing = TimingOptions(solver=solver)  # type: ignore[arg-type]
         chosen = chosen_parametrization(timing, NAMES, Limits.unlimited(2), GIVEN)
-        assert (chosen.method.name, chosen.even_corners) == (name, even)
+        assert (chosen.method.name, chosen.near_path) == (name, near)
     with pytest.raises(InvalidOption, match="belongs to the method toppra"):
         TimingOptions("jerk_limited", solver="reachability")
     with pytest.raises(InvalidOption, match="belongs to the method jerk_limited"):
@@ -191,6 +192,7 @@ def test_only_the_package_tells_what_its_answer_cost() -> None:
         (TimingOptions(), "quintic_spline", ("jerk_limited", "quintic_spline")),
         (TimingOptions(), None, ("jerk_limited", "interior_point")),
         (TimingOptions(solver="interior_point"), None, ("jerk_limited", "interior_point")),
+        (TimingOptions(solver="double_s"), None, ("jerk_limited", "interior_point")),
         (TimingOptions("toppra"), None, ("toppra", "reachability")),
         (TimingOptions(solver="toppra"), None, ("toppra", "toppra")),
         (TimingOptions("spline"), None, ("spline", None)),
@@ -215,7 +217,7 @@ def test_retimed_paths_have_bounded_jerk_unless_all_limits_are_the_callers() -> 
     assert bare.timing.method == "toppra"
     given = retime(path, TimingOptions(), GIVEN | {"jerk": np.array([40.0, 40.0])})
     assert given.timing is not None
-    assert (given.timing.solver, given.timing.ruled_jerk) == ("double_s", ())
+    assert (given.timing.solver, given.timing.ruled_jerk) == ("interior_point", ())
     asked = retime(path, TimingOptions(solver="interior_point"), GIVEN)
     assert asked.timing is not None
     assert (asked.timing.solver, asked.timing.ruled_jerk) == ("interior_point", NAMES)

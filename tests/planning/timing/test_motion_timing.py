@@ -50,7 +50,7 @@ def test_loads_that_hardly_slow_a_motion_down_leave_it_few_pieces(
     assert isinstance(answer, Plan)
     assert isinstance(free, Plan)
     assert answer.timing is not None
-    assert answer.timing.solver in ("quintic_spline", "double_s")
+    assert answer.timing.solver in ("quintic_spline", "interior_point")
     assert answer.trajectory.pieces <= 20
     assert answer.certificate.limits[load].worst_ratio <= 1.0 + 1e-9
     assert answer.trajectory.duration <= 1.1 * free.trajectory.duration
@@ -179,7 +179,7 @@ def test_a_spline_that_is_not_proved_gives_way_to_the_motion_on_the_path(
 ) -> None:
     def certify(motion: Trajectory, *given: Any, **more: Any) -> Certificate:
         answer = true(motion, *given, **more)
-        if motion.degree < 5:
+        if motion.degree != 5:
             return answer
         violation = Violation("collision", 0.1, "refused", {})
         return replace(answer, verified=False, violation=violation)
@@ -189,7 +189,7 @@ def test_a_spline_that_is_not_proved_gives_way_to_the_motion_on_the_path(
     answer = planned(POST, {"jerk": 10.0 * builtin("panda").chain.limits.acceleration})
     assert isinstance(answer, Plan)
     assert answer.timing is not None
-    assert answer.timing.solver == "double_s"
+    assert answer.timing.solver == "interior_point"
     assert [stage.name for stage in answer.stages].count("certificate") == 2
 
 
@@ -227,5 +227,4 @@ def test_motions_stay_on_the_path_where_that_is_asked_for(timing: dict[str, Any]
     answer = planned(POST, **timing)
     assert isinstance(answer, Plan)
     assert answer.timing is not None
-    assert answer.timing.solver == "double_s"
-    assert answer.trajectory.degree == 3
+    assert answer.timing.solver == "interior_point"

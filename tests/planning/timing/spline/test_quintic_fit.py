@@ -26,7 +26,7 @@ from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Plan
 from planning.timing.choice import chosen_parametrization
-from planning.timing.jerk.even_corners import Pieces, fastest_reaches, time_even_corners
+from planning.timing.jerk.jerk_limited import Pieces, time_path_with_jerk
 from planning.timing.motion_timing import motions
 from planning.timing.options import Payload, TimingOptions
 from planning.timing.parametrization import WORTH
@@ -59,8 +59,8 @@ def _knots(spans: np.ndarray) -> np.ndarray:
 def _rounded(seed: int, corners: int = 3) -> tuple[np.ndarray, ScaledTime]:
     rng = np.random.default_rng(seed)
     points = merge(np.cumsum(rng.uniform(-0.2, 0.6, (corners + 2, 7)), axis=0))
-    reaches = fastest_reaches(points, LIMITS, largest_reaches(points))
-    return points, time_even_corners(blend(points, reaches, smooth=True), names(7), LIMITS)
+    path = blend(points, largest_reaches(points), smooth=True)
+    return points, time_path_with_jerk(path, names(7), *LIMITS)
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 8, 14])
