@@ -33,6 +33,8 @@ _RANK, _DETERMINED = 1e-6, 0.5
 _MOST = 10.0
 #: The noise is found anew so often.
 _ROUNDS = 3
+#: Evaluations of a fit that no corrections can save.
+_FEW = 10
 #: Configurations and draws of parameters for margins, and the standard deviations that they are.
 _CONFIGURATIONS, _DRAWS, _DEVIATIONS = 100, 100, 3.0
 
@@ -125,10 +127,17 @@ def calibrate(
     rows = partial(_rows, chain, tip, q, measured)
     noise = measured.noise or (0.1 * tolerance[0], 0.1 * tolerance[1])
     before = _size(rows(start.ravel(), (1.0, 1.0)), len(q), measured)[0]
+    # Without noise given, corrections that are not too large leave at least the rest: a fit ends
+    # in the refusal below, and is cut short.
+    is_hopeless = measured.noise is None and before > (
+        _MOST * tolerance[0] + _moved_at_most(chain, tip, q, spread)
+    )
     x = start.ravel()
-    for _ in range(1 if measured.noise else _ROUNDS):
+    for _ in range(1 if measured.noise or is_hopeless else _ROUNDS):
         cost = partial(_cost, rows, noise, spread.ravel(), start.ravel())
-        found = scipy.optimize.least_squares(cost, x, jac="3-point", x_scale=spread.ravel())
+        found = scipy.optimize.least_squares(
+            cost, x, jac="3-point", x_scale=spread.ravel(), max_nfev=_FEW if is_hopeless else None
+        )
         x = found.x
         full = np.asarray(found.jac)
         J = full[: len(full) - x.size] * spread.ravel()
@@ -283,6 +292,18 @@ def _size(rows: Array, count: int, measured: Measured) -> tuple[float, float]:
     rest = rows if measured.poses is None else rows[: 3 * count]
     turned = rows[3 * count :] if measured.poses is not None else np.zeros(1)
     return float(np.sqrt(np.mean(rest**2))), float(np.sqrt(np.mean(turned**2)))
+
+
+def _moved_at_most(chain: Chain, tip: Link, q: Array, spread: Array) -> float:
+    """How far a tip moves at most by corrections that are not refused as too large [m].
+
+    Each turns it about its own frame, and no frame is farther from it than all links are long.
+    """
+    shift, turn = np.sqrt(3.0) * _MOST * spread[:, [0, 3]].sum(axis=0)
+    slides = q[:, np.equal(chain.joint_types, JointType.PRISMATIC)]
+    links = np.vstack([chain.offsets[:, :3, 3], tip.T_joint_link[:3, 3]])
+    reach = np.linalg.norm(links, axis=1).sum() + np.abs(slides).sum(axis=1).max() + shift
+    return float(shift + turn * reach)
 
 
 def _alignment(T: Array, measured: Measured) -> Array:
