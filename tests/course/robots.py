@@ -15,8 +15,6 @@ RRR_D1, RRR_A2, RRR_A3 = 0.4, 0.5, 0.35
 M1, M2, L1, LC1, LC2, I1, I2 = 2.0, 1.5, 0.7, 0.3, 0.25, 0.09, 0.05
 #: Cart, pendulum, distance of its centre of mass and inertia of lecture 26.
 CART, BOB, ROD, I_BOB = 1.3, 0.4, 0.6, 0.02
-#: Motors: inertias [kg m²] and viscous frictions [N m s/rad] of the augmented model, lecture 28.
-MOTOR_INERTIA, FRICTION = (0.3, 0.2), (0.5, 0.4)
 
 
 def revolute(a: float = 0.0, alpha: float = 0.0, d: float = 0.0, **more: Any) -> Table:
@@ -41,21 +39,6 @@ def _robot(name: str, *rows: Table, **more: Any) -> Table:
     return {"name": name, "dh": {"convention": "standard", "rows": list(rows), **more}}
 
 
-def _planar(name: str, *motors: Table) -> Table:
-    """The planar arm of lecture 27; its rows reach from the tip of each link back to the centre."""
-    first, second = motors or ({}, {})
-    return _robot(
-        name,
-        revolute(L1, **body(M1, [LC1 - L1, 0.0, 0.0], I1), **first),
-        revolute(0.5, **body(M2, [LC2 - 0.5, 0.0, 0.0], I2), **second),
-        gravity=[0.0, -9.81, 0.0],
-    )
-
-
-_MOTORS = [
-    {"motor_inertia": inertia, "viscous_friction": friction}
-    for inertia, friction in zip(MOTOR_INERTIA, FRICTION, strict=True)
-]
 _CART = _robot(
     "notes_cart",
     prismatic(alpha=-pi / 2.0, **body(CART, [0.0, 0.0, 0.0], 0.01)),
@@ -68,16 +51,18 @@ _ELBOW = _robot(
     revolute(0.0, pi / 2.0, ELBOW_D2),
     prismatic(),
 )
-_HELICOPTER = _robot("notes_helicopter", revolute(30.0, 0.0, 100.0))
 
 #: Everything that the tests of the course store.
 ROBOTS = [
     _robot("notes_two_link", revolute(A1), revolute(A2)),
-    _robot("notes_turn_x", revolute(alpha=pi / 2.0), revolute(alpha=-pi / 2.0), revolute()),
     _ELBOW,
     _robot("notes_rrr", revolute(0.0, pi / 2.0, RRR_D1), revolute(RRR_A2), revolute(RRR_A3)),
-    _planar("notes_planar"),
-    _planar("notes_motors", *_MOTORS),
+    # Lecture 27; the rows reach from the tip of each link back to the centre.
+    _robot(
+        "notes_planar",
+        revolute(L1, **body(M1, [LC1 - L1, 0.0, 0.0], I1)),
+        revolute(0.5, **body(M2, [LC2 - 0.5, 0.0, 0.0], I2)),
+        gravity=[0.0, -9.81, 0.0],
+    ),
     _CART,
-    _HELICOPTER,
 ]

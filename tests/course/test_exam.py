@@ -10,8 +10,8 @@ from tests.course.exam.paper import paper
 from tests.course.exam.question import Exam, Question, spread
 
 PAPER = paper()
-#: One of each kind that is known to be answered right.
-QUICK = spread([one for one in PAPER if not one.issue], 1)
+#: One of each kind.
+QUICK = spread(PAPER, 1)
 
 
 @pytest.fixture(scope="module")

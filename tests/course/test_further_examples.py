@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.course.example import ROUNDING, ask, pose_matrix
-from tests.course.robots import A1, A2, I_BOB, RRR_D1
+from tests.course.robots import A1, A2, ELBOW_A1, ELBOW_D1, ELBOW_D2, I_BOB, RRR_D1, revolute
 
 RRR_STATE = ([0.4, -0.6, 1.1], [0.7, -0.3, 0.5])
 PLANAR_STATE = ([0.5, -0.8], [1.2, -0.7], [0.3, 2.0])
@@ -84,7 +84,55 @@ def test_derived_frames_follow_both_rules_in_the_three_cases(
     assert second["type"] == "revolute"
 
 
-# ------------------------------------------------------------------------ lectures 5, 11, 12
+# -------------------------------------------------------------- lectures 3, 5 and 9 to 11
+
+
+def test_a_left_handed_frame_is_refused(service: httpx.Client) -> None:
+    mirror = {"position": [0, 0, 0], "rotation_matrix": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}
+    robot = {"name": "notes_mirror", "dh": {
+        "convention": "standard", "rows": [revolute()], "base": mirror}}  # fmt: skip
+    refused = service.post("/v1/robots", json=robot)
+    assert refused.status_code == 422
+    assert "det R = -1" in refused.json()["detail"]
+
+
+def test_the_table_is_answered_as_it_was_given(service: httpx.Client) -> None:
+    rows = service.get("/v1/robots/notes_elbow").json()["dh"]["rows"]
+    kept = [[row[name] for name in ("a", "alpha", "d", "theta")] for row in rows]
+    table = [
+        [ELBOW_A1, -pi / 2.0, ELBOW_D1, 0.0],
+        [0.0, pi / 2.0, ELBOW_D2, 0.0],
+        [0.0, 0.0, 0.0, 0.0],
+    ]
+    np.testing.assert_allclose(kept, table, atol=1e-12)
+    assert [row["type"] for row in rows] == ["revolute", "revolute", "prismatic"]
+
+
+def test_six_coordinates_are_too_many_for_two_joints(service: httpx.Client) -> None:
+    body = {"pose": {"position": [0.55, 0.45, 0.2]}}
+    refused = service.post("/v1/robots/notes_two_link/ik", json=body)
+    assert refused.status_code == 422
+    assert refused.json()["code"] == "NO_IK_SOLUTION"
+
+
+def test_seven_joints_have_a_family_of_solutions(service: httpx.Client) -> None:
+    joints = [0.1, 0.6, 0.2, -1.2, 0.3, 0.9, 0.5]
+    fk = {"joints": joints, "orientation": "quaternion_xyzw"}
+    tip = ask(service, "robots/iiwa14/fk", fk)["pose"]
+    pose = {name: tip[name] for name in ("position", "quaternion_xyzw")}
+    body = {
+        "pose": pose,
+        "method": "analytic",
+        "parameters": [-0.4, 0.0, 0.4],
+        "all_solutions": True,
+    }
+    found = ask(service, "robots/iiwa14/ik", body)["solutions"]
+    assert len(found) >= 3
+    rows = [one["joints"] for one in found]
+    poses = ask(service, "robots/iiwa14/fk", {"joints": rows})["pose"]
+    for one in poses:
+        assert one["position"] == pytest.approx(pose["position"], abs=1e-8)
+    assert np.ptp(rows, axis=0).max() > 0.1
 
 
 def test_translation_before_rotation_is_another_motion(service: httpx.Client) -> None:
@@ -108,9 +156,6 @@ def test_beyond_the_triangle_of_the_links_there_is_no_solution(service: httpx.Cl
     D = (far**2 - a2**2 - d4**2) / (2.0 * a2 * d4)
     assert D > 1.0
     assert answer.json()["details"]["out_of_reach_by"] == pytest.approx(0.25, abs=1e-9)
-
-
-# -------------------------------------------------------------------- lectures 12 to 14 and 17
 
 
 # ---------------------------------------------------------------------------- lectures 18 to 20
@@ -138,9 +183,11 @@ def test_waypoints_of_a_descent_become_a_spline(service: httpx.Client) -> None:
         "robot": "notes_two_link", "start": {"joints": [0.0, 0.3]}, "goal": {"joints": [1.4, -0.3]},
         "scene": {"obstacles": [ball]}, "planner": "potential_field", "collisions": "ignore",
         "planner_options": {"repulsive_weights": 0.002, "influence_distance": 0.25,
-                            "max_iterations": 5000},
+                            "max_iterations": 5000, "connect": False, "tolerance": 0.01},
     }  # fmt: skip
-    waypoints = ask(service, "plan", body)["potential_field"]["joints"]
+    found = ask(service, "plan", body)["potential_field"]
+    waypoints, ending = found["joints"], found["joints"][found["iterations"]]
+    assert np.linalg.norm(np.subtract(ending, body["goal"]["joints"])) < 0.01  # type: ignore[index]
     chosen = [waypoints[0], waypoints[len(waypoints) // 2], waypoints[-1]]
     timing = {"method": "spline", "interpolation": "natural_spline", "times": [0.0, 1.0, 2.5]}
     path = {"path": {"joints": chosen}, "robot": "notes_two_link", "timing": timing}
@@ -173,7 +220,7 @@ def test_the_mass_matrix_is_the_sum_over_the_links(
     np.testing.assert_allclose(answer["mass_matrix"], D, atol=ROUNDING)
 
 
-# ------------------------------------------------------------------------ lectures 29 and 30
+# -------------------------------------------------------------------------------- lecture 9
 
 
 def test_lengths_of_the_arms_are_those_of_their_tables(service: httpx.Client) -> None:

@@ -12,9 +12,10 @@ import pytest
 from numpy.polynomial import polynomial
 from scipy.integrate import solve_ivp
 
+from tests.course.exam.arms import GRAVITY
+from tests.course.exam.dynamics import planar_by_hand
 from tests.course.example import ask
-from tests.course.robots import L1
-from tests.course.test_dynamics import G, arm
+from tests.course.robots import I1, I2, L1, LC1, LC2, M1, M2
 
 MOTORS: list[dict[str, float]] = [
     {"inertia": 1.2e-4, "friction": 2e-5, "torque_constant": 0.05, "back_emf": 0.002,
@@ -46,6 +47,12 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
 #: q_r = [0.5 - 0.4 t², -0.6 + 0.9 t² - 0.3 t³].
 CUBIC = [[0.5, 0.0, -0.4, 0.0], [-0.6, 0.0, 0.9, -0.3]]
 DURATION = 1.0
+
+
+def arm(q: Any, qd: Any) -> list[Any]:
+    """D, C and G of lecture 27."""
+    parts = planar_by_hand((M1, M2), (L1,), (LC1, LC2), (I1, I2), q, qd)
+    return [np.array(part) for part in parts]
 
 
 def simulate(service: httpx.Client, kind: str, **more: Any) -> dict[str, Any]:
@@ -87,13 +94,13 @@ def column(leader: str, q: Any, qd: Any, v: Any, a: Any) -> Any:
     if leader == "Izz1":
         return np.array([a[0], 0.0])
     if leader == "mx1":
-        return np.array([G * c1, 0.0])
+        return np.array([GRAVITY * c1, 0.0])
     if leader == "Izz2":
         return np.full(2, a[0] + a[1])
     assert leader == "mx2"
     coriolis = -L1 * s2 * np.array([qd[1] * v[0] + (qd[0] + qd[1]) * v[1], -qd[0] * v[0]])
     inertial = L1 * c2 * np.array([2.0 * a[0] + a[1], a[0]])
-    return inertial + coriolis + G * c12
+    return inertial + coriolis + GRAVITY * c12
 
 
 def torque(kind: str, t: float, q: Any, qd: Any, estimate: Any, leaders: Any) -> tuple[Any, Any]:
