@@ -1,18 +1,17 @@
 """Timing methods: each finds a motion in time along a given path."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from planning.timing.jerk.jerk_limited import time_path_with_jerk
 from planning.timing.options import TOPPRA_SOLVERS, Method, Solver
 from planning.timing.path.path import JointPath
-from planning.timing.speed.effort_limits import effort_rows, slow_down
 from planning.timing.speed.minimum_time import time_path
-from planning.timing.time_scaling import ScaledTime, slowed_at_ends
+from planning.timing.time_scaling import ScaledTime
 from planning.values.limits import EffortLimits
 
 _SLOWED = "toppra's answer was slowed down"
@@ -44,31 +43,38 @@ class PathLimits(NamedTuple):
     effort: EffortLimits | None = None
 
 
+@dataclass(frozen=True, slots=True)
 class TimingMethod:
     """A method by which paths become motions.
 
-    Attributes:
+    Args:
         name: The method's name in options.
         jerk: Use that it makes of jerk limits.
-        smooth: Whether corners have to be rounded by curves of continuous curvature.
-        follows_path: Whether the motion keeps exactly to the path that it is given.
         solver: Solver of the speeds, where there is a choice.
         near_path: Whether a spline near the path is tried where it is proved free.
     """
 
-    name: ClassVar[Method]
+    name: Method
     jerk: JerkUse
-    smooth: ClassVar[bool] = False
-    follows_path: ClassVar[bool] = True
     solver: Solver | None = None
     near_path: bool = False
 
+    @property
+    def smooth(self) -> bool:
+        """Whether corners have to be rounded by curves of continuous curvature."""
+        return self.name == "jerk_limited"
+
+    @property
+    def follows_path(self) -> bool:
+        """Whether the motion keeps exactly to the path: a spline of time leaves it."""
+        return self.name != "spline"
+
     def time(
         self,
-        path: JointPath,  # noqa: ARG002  for those that do
-        joint_names: Sequence[str],  # noqa: ARG002
-        limits: PathLimits,  # noqa: ARG002
-        end_speeds: tuple[float, float],  # noqa: ARG002
+        path: JointPath,
+        joint_names: Sequence[str],
+        limits: PathLimits,
+        end_speeds: tuple[float, float],
     ) -> ScaledTime:
         """The path run through as fast as the limits allow.
 
@@ -82,45 +88,20 @@ class TimingMethod:
             InvalidOption: A limit is malformed, or the method does not follow paths.
             TimingFailed: There is no such motion, or none was found.
         """
-        raise InvalidOption(
-            f"the timing method {self.name} does not follow paths",
-            hint="Choose toppra or jerk_limited.",
-        )
-
-    def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:  # noqa: ARG002
-        """Notes for whoever asked, about the motions that this method made."""
-        return ()
-
-
-@dataclass(frozen=True, slots=True)
-class TimeOptimal(TimingMethod):
-    """The least time within limits of velocity and acceleration (TOPP-RA).
-
-    Args:
-        solver: Solver of the speeds along the path.
-    """
-
-    solver: Solver = "reachability"
-    jerk: JerkUse = JerkUse.UNUSED
-
-    name: ClassVar[Method] = "toppra"
-
-    def time(
-        self,
-        path: JointPath,
-        joint_names: Sequence[str],
-        limits: PathLimits,
-        end_speeds: tuple[float, float],
-    ) -> ScaledTime:
-        """See ``TimingMethod.time``."""
+        if not self.follows_path:
+            raise InvalidOption(
+                f"the timing method {self.name} does not follow paths",
+                hint="Choose toppra or jerk_limited.",
+            )
+        bounds, loads = (limits.velocity, limits.acceleration), limits.effort
+        if self.smooth:
+            assert limits.jerk is not None
+            return time_path_with_jerk(
+                path, joint_names, *bounds, limits.jerk, end_speeds=end_speeds, loads=loads
+            )
+        solver = self.solver or "reachability"
         return time_path(
-            path,
-            joint_names,
-            limits.velocity,
-            limits.acceleration,
-            solver=self.solver,
-            end_speeds=end_speeds,
-            loads=limits.effort,
+            path, joint_names, *bounds, solver=solver, end_speeds=end_speeds, loads=loads
         )
 
     def notes(self, parts: Sequence[ScaledTime]) -> tuple[str, ...]:
@@ -137,52 +118,6 @@ class TimeOptimal(TimingMethod):
         return (f"{_SLOWED} by {percent:.3g} % ({seconds:.3g} s) {_REASON}",)
 
 
-@dataclass(frozen=True, slots=True)
-class JerkLimited(TimingMethod):
-    """Limits of velocity, acceleration and jerk: on the path little more than the least time.
-
-    Args:
-        near_path: Whether a spline near the path is tried where it is proved free.
-        jerk: Use of jerk limits: required, or by rule where they are not known.
-    """
-
-    near_path: bool = False
-    jerk: JerkUse = JerkUse.REQUIRED
-    solver: Solver = field(default="interior_point", init=False)
-
-    name: ClassVar[Method] = "jerk_limited"
-    smooth: ClassVar[bool] = True
-
-    def time(
-        self,
-        path: JointPath,
-        joint_names: Sequence[str],
-        limits: PathLimits,
-        end_speeds: tuple[float, float],
-    ) -> ScaledTime:
-        """See ``TimingMethod.time``."""
-        assert limits.jerk is not None
-        bounds, effort = (limits.velocity, limits.acceleration, limits.jerk), limits.effort
-        extra = None if effort is None else effort_rows(effort)
-        return slowed_at_ends(
-            lambda speeds: time_path_with_jerk(
-                path, joint_names, *bounds, end_speeds=speeds, extra=extra
-            ),
-            lambda made: made if effort is None else slow_down(effort, made),
-            end_speeds,
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class SplineInTime(TimingMethod):
-    """A cubic spline of time through waypoints; between them it leaves the path."""
-
-    jerk: JerkUse = JerkUse.WHERE_KNOWN
-
-    name: ClassVar[Method] = "spline"
-    follows_path: ClassVar[bool] = False
-
-
 def timing_method(name: Method | None, solver: Solver | None = None) -> TimingMethod:
     """The method of a name.
 
@@ -191,9 +126,10 @@ def timing_method(name: Method | None, solver: Solver | None = None) -> TimingMe
         solver: Solver as in ``TimingOptions.solver``.
     """
     if name == "toppra" or solver in TOPPRA_SOLVERS:
-        return TimeOptimal(solver or "reachability")
+        return TimingMethod("toppra", JerkUse.UNUSED, solver or "reachability")
     if name == "spline":
-        return SplineInTime()
+        return TimingMethod("spline", JerkUse.WHERE_KNOWN)
     if solver is None and name is not None:
-        return JerkLimited()
-    return JerkLimited(solver in {None, "quintic_spline"}, JerkUse.RULED)
+        return TimingMethod("jerk_limited", JerkUse.REQUIRED, "interior_point")
+    near = solver in {None, "quintic_spline"}
+    return TimingMethod("jerk_limited", JerkUse.RULED, "interior_point", near)

@@ -37,7 +37,8 @@ def ramp_time(change: float, acceleration: float, jerk: float) -> float:
 
 
 @kernel(inline="code", allocates=False)
-def _ramp_length(low: float, high: float, acceleration: float, jerk: float) -> float:
+def ramp_length(low: float, high: float, acceleration: float, jerk: float) -> float:
+    """Way of a change of speed with no acceleration at its ends."""
     return 0.5 * (low + high) * ramp_time(high - low, acceleration, jerk)
 
 
@@ -53,8 +54,8 @@ def _ramp_slope(low: float, high: float, acceleration: float, jerk: float) -> fl
 @kernel(inline="code", allocates=False)
 def _excess(start: float, end: float, speed: float, length: float, limits: Array) -> float:
     """By how much the ramps to a speed from both ends of a leg are longer than it."""
-    ramp = _ramp_length(start, speed, limits[1], limits[2])
-    return ramp + _ramp_length(end, speed, limits[1], limits[2]) - length
+    ramp = ramp_length(start, speed, limits[1], limits[2])
+    return ramp + ramp_length(end, speed, limits[1], limits[2]) - length
 
 
 @kernel(allocates=False)
@@ -99,7 +100,7 @@ def peak_speed(start: float, end: float, length: float, limits: Array) -> float:
 
 
 @kernel(inline="code", allocates=False)
-def _are_same(low: float, high: float) -> bool:
+def are_same(low: float, high: float) -> bool:
     """Whether no ramp lies between two speeds."""
     # Speeds that differ by less than this part are the same: a ramp goes by the square root of
     # their difference, whose rounding would be seen as a jump.
@@ -107,13 +108,13 @@ def _are_same(low: float, high: float) -> bool:
 
 
 @kernel(allocates=False)
-def _write_ramp(
+def write_ramp(
     place: float, start: float, end: float, limits: Array, least: float, phases: Array, used: int
 ) -> int:
     """Write the phases of a ramp from a place on, after ``used`` others; their number then."""
     change, a, j = abs(end - start), limits[1], limits[2]
     sign = 1.0 if end > start else -1.0
-    if _are_same(start, end):
+    if are_same(start, end):
         return used
     even = 0.0
     if change * j > a * a:
@@ -147,19 +148,19 @@ def leg_phases_kernel(start: float, end: float, length: float, limits: Array, ph
     """
     a, j = limits[1], limits[2]
     peak = peak_speed(start, end, length, limits)
-    rising = 0.0 if _are_same(start, peak) else _ramp_length(start, peak, a, j)
-    falling = 0.0 if _are_same(end, peak) else _ramp_length(end, peak, a, j)
+    rising = 0.0 if are_same(start, peak) else ramp_length(start, peak, a, j)
+    falling = 0.0 if are_same(end, peak) else ramp_length(end, peak, a, j)
     even = (length - rising - falling) / peak
     # Phases that take less than this part of their leg's time are rounding: no pieces.
     ramps = ramp_time(peak - start, a, j) + ramp_time(peak - end, a, j)
     least = 1e-12 * (ramps + max(even, 0.0))
-    used = _write_ramp(0.0, start, peak, limits, least, phases, 0)
+    used = write_ramp(0.0, start, peak, limits, least, phases, 0)
     if even > least:
         row = phases[used]
         row[0], row[1], row[2], row[3], row[4] = rising, peak, 0.0, 0.0, even
         used += 1
     # From the leg's end backwards, so that it is met to the last bit.
-    return _write_ramp(length - falling, peak, end, limits, least, phases, used)
+    return write_ramp(length - falling, peak, end, limits, least, phases, used)
 
 
 def line_phases(
@@ -181,7 +182,7 @@ def line_phases(
     """
     along = np.array(limits, dtype=np.float64)
     low, high = sorted((start_speed, end_speed))
-    ramp = 0.5 * (low + high) * ramp_time(high - low, along[1], along[2])
+    ramp = ramp_length(low, high, along[1], along[2])
     # Speeds and lengths may exceed what there is room for by rounding.
     if high > along[0] * (1.0 + 1e-12) or ramp > length * (1.0 + 1e-12):
         raise TimingFailed(
@@ -250,7 +251,7 @@ def _extended_leg(
     if min(low, high) < -1e-12 * ends or max(low, high) > limits[0] or not whole > 0.0:
         return 0
     low, high = max(low, 0.0), max(high, 0.0)
-    if _ramp_length(min(low, high), max(low, high), limits[1], limits[2]) > whole:
+    if ramp_length(min(low, high), max(low, high), limits[1], limits[2]) > whole:
         return 0
     # Phases shorter than this are rounding.
     least = 1e-12 * whole / max(ends, (limits[2] * whole * whole) ** (1.0 / 3.0))

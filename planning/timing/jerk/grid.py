@@ -27,7 +27,7 @@ the ends carry c at the ends.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from planning.timing.path.path import JointPath
+from planning.timing.speed.effort_limits import Extra, KnotLimits
 
 
 class JerkLimits(NamedTuple):
@@ -262,22 +263,6 @@ def _still_kernel(rows: JerkLimits, caps: Array, rises: Array) -> None:
 
 # phi(T) / T: the length of a ramp for each unit of tau.
 _RAMP = 0.6
-
-
-class KnotLimits(NamedTuple):
-    """Further linear limits at places on a path, of ds/dt and d2s/dt2.
-
-    Args:
-        caps: Largest (ds/dt)^2, inf where there is none, shape (k,).
-        rows: (a, b, lo, up) of lo <= a d2s/dt2 + b (ds/dt)^2 <= up, shape (k, r, 4).
-    """
-
-    caps: Array
-    rows: Array
-
-
-#: Further limits at some places (k,) of a path, or None.
-Extra = Callable[[JointPath, Array], KnotLimits]
 
 
 class Grid(NamedTuple):

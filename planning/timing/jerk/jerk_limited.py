@@ -21,10 +21,8 @@ from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.double_s import MAX_PHASES, line_phases, moving_leg_kernel
 from planning.timing.jerk.grid import (
     Cells,
-    Extra,
     Grid,
     JerkLimits,
-    KnotLimits,
     decisive_kernel,
     grid,
     inside_kernel,
@@ -34,7 +32,9 @@ from planning.timing.jerk.grid import (
 from planning.timing.jerk.interior_point import least_time_kernel
 from planning.timing.options import TimingFailed
 from planning.timing.path.path import SAME_DIRECTION, JointPath, composed_pieces
-from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, fitting_factor
+from planning.timing.speed.effort_limits import Extra, KnotLimits, effort_rows, slow_down
+from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, slowed_at_ends
+from planning.values.limits import EffortLimits
 
 
 @kernel
@@ -184,7 +184,7 @@ def time_path_with_jerk(
     jerk: ArrayLike,
     *,
     end_speeds: tuple[float, float] = (0.0, 0.0),
-    extra: Extra | None = None,
+    loads: EffortLimits | None = None,
 ) -> ScaledTime:
     """The path run through in little more than the least time that a bounded jerk allows.
 
@@ -198,7 +198,7 @@ def time_path_with_jerk(
         acceleration: Limits, shape (n,) [rad/s^2 or m/s^2].
         jerk: Limits, shape (n,) [rad/s^3 or m/s^3].
         end_speeds: ds/dt at the start and at the end.
-        extra: Further limits on the grid; they are not dilated for.
+        loads: Limits of torque and tool speed.
 
     Returns:
         The trajectory, and the factor by which time was stretched so that every exact peak ratio
@@ -211,26 +211,18 @@ def time_path_with_jerk(
     """
     limits = _limits(path, velocity, acceleration, jerk)
     _check_smooth(path)
-    factor = 1.0
-    # Boundary speeds are right after so many trials.
-    for _ in range(8):
-        durations, coefficients = _sections(
-            path, limits, (end_speeds[0] * factor, end_speeds[1] * factor), extra
+    extra = None if loads is None else effort_rows(loads)
+
+    def make(speeds: tuple[float, float]) -> ScaledTime:
+        return ScaledTime(
+            Trajectory(tuple(joint_names), *_sections(path, limits, speeds, extra)), 1.0
         )
-        motion = Trajectory(
-            tuple(joint_names), np.concatenate([[0.0], np.cumsum(durations)]), coefficients
-        )
-        if end_speeds == (0.0, 0.0):
-            return dilate(motion, *limits)
-        # Slowing down changes the speeds at the ends: they are asked for that much higher.
-        needed = fitting_factor(motion, *limits)
-        if needed <= factor:
-            return ScaledTime(motion.dilate(factor), factor)
-        factor = needed * (1.0 + 1e-9)
-    raise TimingFailed(
-        "the boundary velocities can't be kept within all limits",
-        hint="Give lower boundary velocities, or higher limits.",
-    )
+
+    def slow(made: ScaledTime) -> ScaledTime:
+        scaled = dilate(made.trajectory, *limits)
+        return scaled if loads is None else slow_down(loads, scaled)
+
+    return slowed_at_ends(make, slow, end_speeds)
 
 
 def rough_pieces(path: JointPath, limits: Array) -> Pieces:
@@ -245,8 +237,7 @@ def rough_pieces(path: JointPath, limits: Array) -> Pieces:
     Raises:
         TimingFailed: No speed along the path was found.
     """
-    durations, coefficients = _sections(path, limits, (0.0, 0.0), None, rough=True)
-    return Pieces(np.concatenate([[0.0], np.cumsum(durations)]), coefficients)
+    return _sections(path, limits, (0.0, 0.0), None, rough=True)
 
 
 def _sections(
@@ -256,9 +247,9 @@ def _sections(
     extra: Extra | None,
     *,
     rough: bool = False,
-) -> tuple[Array, Array]:
-    """Durations and coefficients of the pieces, from stop to stop."""
-    durations, coefficients = [], []
+) -> Pieces:
+    """The pieces of the motion, from stop to stop."""
+    durations, coefficients = [np.zeros(1)], []
     stops = [0, *path.corners, len(path.lengths)]
     for first, last in itertools.pairwise(stops):
         section = JointPath(path.coefficients[first:last], path.lengths[first:last])
@@ -273,7 +264,7 @@ def _sections(
             phases, owners = _curved_phases(section, limits, ends, extra, rough=rough)
         durations.append(phases[:, 4])
         coefficients.append(composed_pieces(section, owners, phases, 3))
-    return np.concatenate(durations), np.concatenate(coefficients)
+    return Pieces(np.cumsum(np.concatenate(durations)), np.concatenate(coefficients))
 
 
 def _curved_phases(

@@ -11,7 +11,6 @@ so that an a and a j with which these are within the limits are known for any pa
 stretch that is too short for its ramps is run through more slowly.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
+from planning.timing.jerk.double_s import MAX_PHASES, are_same, ramp_length, write_ramp
 from planning.timing.path.path import JointPath, composed_pieces
 from planning.timing.time_scaling import ScaledTime, dilate
 
@@ -48,29 +48,13 @@ class _Ramp(NamedTuple):
 
     Args:
         low: Lower speed.
-        high: Higher speed.
-        acceleration: Largest one.
-        jerk: Largest one.
+        limits: Higher speed, largest acceleration and largest jerk, shape (3,).
+        length: Way that the ramp takes.
     """
 
     low: float
-    high: float
-    acceleration: float
-    jerk: float
-
-    @property
-    def durations(self) -> tuple[float, float, float]:
-        """Times that its phases take: of rising, of constant and of falling acceleration."""
-        change, a, j = self.high - self.low, self.acceleration, self.jerk
-        if change * j > a * a:
-            return a / j, change / a - a / j, a / j
-        bend = math.sqrt(change / j)
-        return bend, 0.0, bend
-
-    @property
-    def length(self) -> float:
-        """Way that the ramp takes."""
-        return 0.5 * (self.low + self.high) * sum(self.durations)
+    limits: Array
+    length: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,10 +87,6 @@ class _Rates:
         bends = [np.abs(2.0 * c[..., 2] + 6.0 * c[..., 3] * u) for u in places]
         first, second = np.max(slopes, axis=0), np.max(bends, axis=0)
         return cls(path.lengths, first, second, np.abs(6.0 * c[..., 3]), limits)
-
-    def caps(self) -> Array:
-        """Largest constant speed of each piece, shape (p,)."""
-        return np.asarray(self.caps_by_limit(_SHARE).min(axis=(1, 2)))
 
     def caps_by_limit(self, share: float) -> Array:
         """Largest constant speed of each piece by each limit, shape (p, 3, n).
@@ -144,7 +124,7 @@ class _Rates:
         a = float(np.minimum(straight, bent).min())
         with np.errstate(divide="ignore"):
             j = float(((room - 3.0 * second * high * a) / first).min())
-        return _Ramp(low, high, a, j)
+        return _Ramp(low, np.array([high, a, j]), ramp_length(low, high, a, j))
 
 
 @dataclass(slots=True)
@@ -197,7 +177,9 @@ def time_at_steady_speed(
         The motion; None where there is no room for its ramps.
     """
     rates = _Rates.of(path, limits)
-    stretches = _stretches(np.minimum(wanted, rates.caps()), variation)
+    stretches = _stretches(
+        np.minimum(wanted, rates.caps_by_limit(_SHARE).min(axis=(1, 2))), variation
+    )
     ramps = _fit(stretches, rates)
     if ramps is None:
         return None
@@ -254,7 +236,7 @@ def _ramps(stretches: list[_Stretch], k: int, rates: _Rates) -> tuple[_Ramp | No
     pieces = range(one.first, one.last)
     for low, order in zip(_speeds_beside(stretches, k), (pieces, pieces[::-1]), strict=True):
         ramp = None
-        if low < one.speed:
+        if low < one.speed and not are_same(low, one.speed):
             ramp = rates.ramp(order, low, one.speed)
             if ramp is None:
                 return None
@@ -283,31 +265,20 @@ def _phases(
     breaks, rows = path.breaks, []
     for one, (rising, falling) in zip(stretches, ramps, strict=True):
         begin, end = float(breaks[one.first]), float(breaks[one.last])
+        room, used = np.empty((MAX_PHASES, 5)), 0
+        # A phase, or a stretch between ramps, that takes less than this part of it is rounding.
+        least = 1e-12 * (end - begin) / one.speed
         if rising is not None:
-            rows.append(_ramp_phases(begin, rising, 1.0))
+            used = write_ramp(begin, rising.low, one.speed, rising.limits, least, room, used)
             begin += rising.length
         leave = end - (0.0 if falling is None else falling.length)
-        # A stretch between ramps that is shorter than this part of the path is rounding.
-        if leave - begin > 1e-14 * path.length:
-            rows.append(np.array([[begin, one.speed, 0.0, 0.0, (leave - begin) / one.speed]]))
+        if leave - begin > least * one.speed:
+            room[used] = begin, one.speed, 0.0, 0.0, (leave - begin) / one.speed
+            used += 1
         if falling is not None:
-            rows.append(_ramp_phases(leave, falling, -1.0))
+            used = write_ramp(leave, one.speed, falling.low, falling.limits, least, room, used)
+        rows.append(room[:used])
     return rows
-
-
-def _ramp_phases(place: float, ramp: _Ramp, sign: float) -> Array:
-    """The phases of a ramp from a place on, upwards or downwards."""
-    s, v, rate, rows = place, ramp.low if sign > 0.0 else ramp.high, 0.0, []
-    for part, h in enumerate(ramp.durations):
-        jerk = sign * ramp.jerk * (1.0 - part)
-        # A phase that takes less than this part of its ramp's time is rounding.
-        if h <= 1e-12 * sum(ramp.durations):
-            continue
-        rows.append([s, v, 0.5 * rate, jerk / 6.0, h])
-        s += (v + (0.5 * rate + jerk * h / 6.0) * h) * h
-        v += (rate + 0.5 * jerk * h) * h
-        rate += jerk * h
-    return np.array(rows)
 
 
 def _split(phases: Array, breaks: Array) -> Array:

@@ -12,6 +12,7 @@ at most is then bounded for every instant, and the motion slowed down by what it
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from kinematics.arrays import Array
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
-from planning.timing.jerk.grid import KnotLimits
 from planning.timing.options import TimingFailed
 from planning.timing.path.path import JointPath, piece_values
 from planning.timing.speed.constraints import Cells
@@ -34,7 +34,23 @@ _HEADROOM = 2e-3
 _HAIR = 1e-6
 
 
-def effort_rows(loads: EffortLimits) -> Callable[[JointPath, Array], KnotLimits]:
+class KnotLimits(NamedTuple):
+    """Further linear limits at places on a path, of ds/dt and d2s/dt2.
+
+    Args:
+        caps: Largest (ds/dt)^2, inf where there is none, shape (k,).
+        rows: (a, b, lo, up) of lo <= a d2s/dt2 + b (ds/dt)^2 <= up, shape (k, r, 4).
+    """
+
+    caps: Array
+    rows: Array
+
+
+#: Further limits at some places (k,) of a path, or None.
+Extra = Callable[[JointPath, Array], KnotLimits]
+
+
+def effort_rows(loads: EffortLimits) -> Extra:
     """Limits at places on a path, as ``planning.timing.jerk.grid`` asks for them."""
     return lambda path, places: knot_limits(
         loads, *(path.sample(places, order) for order in range(3))

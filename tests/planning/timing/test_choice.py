@@ -17,14 +17,8 @@ from planning.timing.choice import (
     require_limits,
     required_limits,
 )
-from planning.timing.method import (
-    JerkLimited,
-    PathLimits,
-    SplineInTime,
-    TimeOptimal,
-    timing_method,
-)
-from planning.timing.options import Method, Payload, Solver, TimingOptions
+from planning.timing.method import PathLimits, timing_method
+from planning.timing.options import METHODS, Method, Payload, Solver, TimingOptions
 from planning.timing.parametrization import TimeParametrization, timing_report
 from planning.timing.path.blend import blend
 from planning.timing.time_scaling import ScaledTime
@@ -168,22 +162,23 @@ def still(duration: float, factor: float) -> ScaledTime:
 
 def test_a_spline_does_not_follow_a_path() -> None:
     with pytest.raises(InvalidOption, match="does not follow paths"):
-        SplineInTime().time(PATH, ("a", "b"), LIMITS, (0.0, 0.0))
+        timing_method("spline").time(PATH, ("a", "b"), LIMITS, (0.0, 0.0))
 
 
 def test_only_the_package_tells_what_its_answer_cost() -> None:
     parts = (still(1.1, 1.1), still(2.0, 1.0))
-    for method in (TimeOptimal(), JerkLimited(), SplineInTime()):
-        assert method.notes(parts) == ()
-    (note,) = TimeOptimal("toppra").notes(parts)
+    for name in METHODS:
+        assert timing_method(name).notes(parts) == ()
+    package = timing_method("toppra", "toppra")
+    (note,) = package.notes(parts)
     # 3.1 s in place of 3.0 s.
     assert note == (
         "toppra's answer was slowed down by 3.33 % (0.1 s) to bring it inside the limits between "
         "its grid points."
     )
-    (note,) = TimeOptimal("toppra").notes((still(1.0, 1.0),))
+    (note,) = package.notes((still(1.0, 1.0),))
     assert note == "toppra's answer keeps all limits between its grid points too."
-    assert TimeOptimal("toppra").notes(()) == ()
+    assert package.notes(()) == ()
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory, stay
 from planning.proof.limits.effort import effort_uses
-from planning.timing.method import JerkLimited, TimeOptimal, TimingMethod, timing_method
+from planning.timing.method import TimingMethod, timing_method
 from planning.timing.options import Method, TimingFailed
 from planning.timing.parametrization import TimeParametrization, merge_repeated
 from planning.timing.path.blend import blend, largest_reaches
@@ -64,7 +64,10 @@ def sampled_uses(
     return float(torque), float(np.linalg.norm(velocity, axis=1).max() / tool_speed)
 
 
-@pytest.mark.parametrize("timing", [TimeOptimal(), TimeOptimal("toppra"), JerkLimited()])
+@pytest.mark.parametrize(
+    "timing",
+    [timing_method("toppra"), timing_method("toppra", "toppra"), timing_method("jerk_limited")],
+)
 @pytest.mark.parametrize("name", ["panda", "kr6_sixx", "stanford", "scara"])
 def test_torques_and_tool_speed_are_kept_and_used(name: str, timing: TimingMethod) -> None:
     chain = with_payload(builtin_chain(name), 1.5, (0.0, 0.0, 0.05))
