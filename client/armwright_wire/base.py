@@ -15,6 +15,7 @@ from typing import (
     Annotated,
     Any,
     ClassVar,
+    Literal,
     Protocol,
     Self,
     TypeAlias,
@@ -456,18 +457,50 @@ def not_both(name: str, *others: str) -> tuple[JsonDict, ...]:
     return tuple({"not": is_given(name, other)} for other in others)
 
 
-def free_or_range(*axes: str) -> tuple[JsonDict, ...]:
-    """The JSON schemas of objects in which no axis is among the `free` ones and has a range."""
-    return tuple(
-        {"not": {"allOf": [is_given(axis, "free"),
-                           {"properties": {"free": {"contains": {"const": axis}}}}]}}
-        for axis in axes
-    )  # fmt: skip
-
-
 def _schema_beside(name: str, others: Sequence[str]) -> JsonDict:
     """The JSON schema of objects in which a field is given only beside one of others."""
     return {"anyOf": [_absent(name), *(is_given(other) for other in others)]}
+
+
+Range = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Rotation = Literal["rx", "ry", "rz"]
+
+
+class FreeOrRange(Body):
+    """Ranges [least, largest] along axes x to rz, of which none is among the `free` ones too."""
+
+    published_rules: ClassVar[tuple[JsonDict, ...]] = tuple(
+        {"not": {"allOf": [is_given(axis, "free"),
+                           {"properties": {"free": {"contains": {"const": axis}}}}]}}
+        for axis in ("rx", "ry", "rz")
+    )  # fmt: skip
+
+    free: Annotated[list[Rotation], Field(max_length=3)] = Field(
+        default_factory=list, examples=[["rz"]]
+    )
+    """axes about which any angle will do"""
+    x: Range | None = None
+    """[least, largest] deviation along x [m]"""
+    y: Range | None = None
+    """along y [m]"""
+    z: Range | None = Field(None, examples=[[-0.005, 0.005]])
+    """along z [m]"""
+    rx: Range | None = None
+    """about x [rad]"""
+    ry: Range | None = None
+    """about y [rad]"""
+    rz: Range | None = None
+    """about z [rad]"""
+
+    @model_validator(mode="after")
+    def _check_ranges(self) -> Self:
+        for name in ("x", "y", "z", "rx", "ry", "rz"):
+            given = getattr(self, name)
+            if given is not None and given[0] > given[1]:
+                raise ValueError(f"{name}: {given[0]:g} is above {given[1]:g}")
+            if given is not None and name in self.free:
+                raise ValueError(f"{name} has a range and is free: give one of them")
+        return self
 
 
 def any_given(*forms: tuple[str, ...]) -> JsonDict:

@@ -1,11 +1,11 @@
 """Poses on the wire, their conversion and composition."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from decimal import Decimal
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
 from armwright_wire.base import (
@@ -55,12 +55,12 @@ def check_quaternion_norm(quaternion: Sequence[float]) -> None:
 
 
 def check_axis_length(axis: Sequence[float]) -> None:
-    """Refuse an axis by its length.
+    """Refuse an axis by its length; an angle may stand behind it.
 
     Raises:
         ValueError: The axis has no direction.
     """
-    if not math.hypot(*axis) >= _SHORTEST_AXIS:
+    if not math.hypot(*axis[:3]) >= _SHORTEST_AXIS:
         raise ValueError("the axis has length 0, so it names no direction.")
 
 
@@ -100,6 +100,20 @@ def check_rotation(rows: Sequence[Sequence[float]]) -> None:
     )
 
 
+def _check_transform(rows: Sequence[Sequence[float]]) -> None:
+    if rows[3] != [0.0, 0.0, 0.0, 1.0]:
+        raise ValueError("the last row of a transform is 0, 0, 0, 1")
+    check_rotation([row[:3] for row in rows[:3]])
+
+
+def _checked(check: Callable[[Any], None]) -> AfterValidator:
+    def checked(value: Any) -> Any:
+        check(value)
+        return value
+
+    return AfterValidator(checked)
+
+
 class Pose(Body):
     """A position [m] and at most one orientation, the identity if left out; or a transform."""
 
@@ -114,9 +128,11 @@ class Pose(Body):
 
     position: Point = Field(default_factory=lambda: [0.0, 0.0, 0.0], examples=[[0.4, 0.0, 0.3]])
     """x, y, z [m]; needed beside all but a transform"""
-    quaternion_xyzw: Quaternion | None = Field(None, examples=[[0.0, 0.0, 0.0, 1.0]])
+    quaternion_xyzw: Annotated[Quaternion, _checked(check_quaternion_norm)] | None = Field(
+        None, examples=[[0.0, 0.0, 0.0, 1.0]]
+    )
     """normalised if its norm is within 1e-3 of 1, else refused"""
-    rotation_matrix: Matrix3 | None = None
+    rotation_matrix: Annotated[Matrix3, _checked(check_rotation)] | None = None
     """rows; of a rotation within rounding to three digits or more the nearest one is taken, others
     are refused
     """
@@ -124,40 +140,10 @@ class Pose(Body):
     """[phi, theta, psi], R = Rz Ry Rz [rad]"""
     rpy: Vector3 | None = None
     """[roll, pitch, yaw], R = Rz Ry Rx [rad]"""
-    axis_angle: Quaternion | None = None
+    axis_angle: Annotated[Quaternion, _checked(check_axis_length)] | None = None
     """[x, y, z, angle]: about an axis of any length but 0, by an angle [rad]"""
-    transform: Matrix4 | None = None
+    transform: Annotated[Matrix4, _checked(_check_transform)] | None = None
     """rows of [[R, p], [0, 0, 0, 1]], in place of all other forms"""
-
-    @field_validator("quaternion_xyzw")
-    @classmethod
-    def _check_quaternion(cls, value: list[float] | None) -> list[float] | None:
-        if value is not None:
-            check_quaternion_norm(value)
-        return value
-
-    @field_validator("rotation_matrix")
-    @classmethod
-    def _check_matrix(cls, value: list[list[float]] | None) -> list[list[float]] | None:
-        if value is not None:
-            check_rotation(value)
-        return value
-
-    @field_validator("axis_angle")
-    @classmethod
-    def _check_axis_angle(cls, value: list[float] | None) -> list[float] | None:
-        if value is not None:
-            check_axis_length(value[:3])
-        return value
-
-    @field_validator("transform")
-    @classmethod
-    def _check_transform(cls, value: list[list[float]] | None) -> list[list[float]] | None:
-        if value is not None:
-            if value[3] != [0.0, 0.0, 0.0, 1.0]:
-                raise ValueError("the last row of a transform is 0, 0, 0, 1")
-            check_rotation([row[:3] for row in value[:3]])
-        return value
 
     @model_validator(mode="after")
     def _check_form(self) -> Self:

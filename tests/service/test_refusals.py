@@ -314,7 +314,7 @@ TABLE: dict[str, tuple[str, dict[str, Any], list[Change]]] = {
         ({"box": GRID | {"orientations": [DOWN, DOWN]}, "format": "svg"}, FORM, "one orientation"),
         ({"tolerance": {"x": [0.1, -0.1]}}, FORM, "above"),
         ({"tolerance": {"free": ["rz"], "samples": 0}}, FORM, "samples"),
-        ({"tolerance": {"free": ["rz"], "rz": [0, 1]}}, FORM, "rz is free and has a range"),
+        ({"tolerance": {"free": ["rz"], "rz": [0, 1]}}, FORM, "rz has a range and is free"),
         ({"link": "nowhere"}, LINK, "nowhere"),
         ({"base_region": {"x": [1, 0], "y": [0, 0], "spacing": 1}}, FORM, "above"),
         ({"base_region": {"x": [0, 9], "y": [0, 9], "spacing": 1e-3}}, FORM, "candidates"),

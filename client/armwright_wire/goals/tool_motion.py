@@ -13,11 +13,12 @@ from armwright_wire.base import (
     Body,
     BodyWithRules,
     Frame,
+    FreeOrRange,
     NonNegative,
     Point,
+    Rotation,
     Vector3,
     VectorLike,
-    free_or_range,
     is_given,
     not_where,
     only_where,
@@ -32,19 +33,16 @@ Angle = Annotated[float, Field(ge=-3.2, le=3.2)]
 LengthRange = Annotated[list[Length], Field(min_length=2, max_length=2)]
 AngleRange = Annotated[list[Angle], Field(min_length=2, max_length=2)]
 Blend = Annotated[float, Field(ge=0.0, le=10.0)]
-Rotation = Literal["rx", "ry", "rz"]
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 Turning = Literal["shorter", "longer"]
 Speed = Annotated[float, Field(gt=0.0, le=100.0)]
 
 
-class ToolTolerance(Body):
+class ToolTolerance(FreeOrRange):
     """Ranges of the tool's deviation [least, largest]; axes left out are exact.
 
     The tool's pose is T_pose Trans(x, y, z) Rx(rx) Ry(ry) Rz(rz) in its own frame.
     """
-
-    published_rules = free_or_range("rx", "ry", "rz")
 
     x: LengthRange | None = Field(None, examples=[[-0.001, 0.001]])
     """[m]"""
@@ -66,16 +64,6 @@ class ToolTolerance(Body):
     """whose axes deviations are along: "tool", those of each pose, if left out; or a link that
     stands still
     """
-
-    @model_validator(mode="after")
-    def _check_ranges(self) -> "ToolTolerance":
-        for name in ("x", "y", "z", "rx", "ry", "rz"):
-            given = getattr(self, name)
-            if given is not None and given[0] > given[1]:
-                raise ValueError(f"{name}: {given[0]:g} is above {given[1]:g}")
-            if given is not None and name in self.free:
-                raise ValueError(f"{name} has a range and is free")
-        return self
 
 
 class Waypoint(BodyWithRules):
@@ -256,7 +244,16 @@ class RoundedCorner(Body):
     """arc that leads away from it; a line if left out"""
 
 
-class CartesianOptions(BodyWithRules):
+class ToolDeviations(Body):
+    """How far the tool may be from its motion."""
+
+    max_deviation: Deviation = 1e-4
+    """of the tool's origin from its motion, for every instant [m]"""
+    max_orientation_deviation: Deviation = 1e-3
+    """of its orientation from that at the same place [rad]"""
+
+
+class CartesianOptions(ToolDeviations, BodyWithRules):
     """`planner_options` of the planner "cartesian"."""
 
     only_beside: ClassVar[Beside] = {
@@ -271,10 +268,6 @@ class CartesianOptions(BodyWithRules):
 
     motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = None
     """one line to the goal if left out"""
-    max_deviation: Deviation = 1e-4
-    """of the tool's origin from its motion, for every instant [m]"""
-    max_orientation_deviation: Deviation = 1e-3
-    """of its orientation from that at the same place [rad]"""
     orientation: Literal["slerp", "free"] = "slerp"
     """about an axis that keeps still, or only the origin is led"""
     allow_partial: bool = False
@@ -409,7 +402,7 @@ class TimedToolMotion(ToolCurve):
         return self
 
 
-class TimedToolMotions(Body):
+class TimedToolMotions(ToolDeviations):
     """Motions of the tool that a trajectory is held to, in turn."""
 
     motions: Annotated[list[TimedToolMotion], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
@@ -428,10 +421,6 @@ class TimedToolMotions(Body):
     """to be kept in motions that are parts of a seam and have none of their own [m/s]"""
     speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
     """largest difference from tool_speed, as part of it"""
-    max_deviation: Deviation = 1e-4
-    """of the tool's origin from its motion, for every instant [m]"""
-    max_orientation_deviation: Deviation = 1e-3
-    """of its orientation from that at the same place [rad]"""
     orientation: Literal["slerp", "free"] = "slerp"
     """about an axis that keeps still, or only the origin is led"""
 

@@ -21,18 +21,18 @@ from armwright_wire.base import (
     BodyWithRules,
     Label,
     Length,
-    Matrix3,
     NonNegative,
     Number,
     Point,
     Positive,
+    Range,
     Seed,
     Vector3,
     is_given,
     not_where,
 )
 from armwright_wire.goals.goal import Constraints, Goal
-from armwright_wire.goals.tool_motion import CartesianOptions
+from armwright_wire.goals.tool_motion import CartesianOptions, ToolDeviations
 from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody
 from armwright_wire.pose import Pose, PoseInFrame
@@ -40,6 +40,7 @@ from armwright_wire.robots.reach import ReachTolerance
 from armwright_wire.scenes.check import (
     TOUCH_DEPTH,
     AllowedCollisions,
+    Carried,
     FingerPositions,
     Margin,
     TouchDepth,
@@ -49,11 +50,9 @@ from armwright_wire.scenes.tool import TipReference, ToolReference
 MAX_STAGES = 200
 #: Grasps or places of one stage.
 MAX_TARGETS = 10_000
-MAX_TOUCHING = 100
 
-Range = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Samples = Annotated[int, Field(ge=1, le=1_000)]
-Labels = Annotated[list[Label], Field(max_length=MAX_TOUCHING)]
+Labels = Annotated[list[Label], Field(max_length=100)]
 Distance = Annotated[
     list[Annotated[Positive, Field(le=10.0)]],
     Field(
@@ -63,7 +62,6 @@ Distance = Annotated[
 Support = Label | Annotated[list[Label], Field(min_length=1, max_length=100)]
 #: Number or name of an output or input.
 Port = Annotated[int, Field(ge=0, le=100_000)] | Label
-Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
 
 
 class StageBody(Body):
@@ -100,15 +98,14 @@ class Via(Body):
     """
 
 
-_CARTESIAN = "^[Cc][Aa][Rr][Tt][Ee][Ss][Ii][Aa][Nn]$"
-
-
 class MoveStage(StageBody, BodyWithRules):
     """A free motion to a goal, or to where the approach after it begins."""
 
     only_beside: ClassVar[Beside] = {"tolerance": ("goal",), "blend": ("goal", "end_of")}
     at_most_one = (("goal", "end_of"),)
-    published_rules = ({"properties": {"planner": {"not": {"pattern": _CARTESIAN}}}},)
+    published_rules = (
+        {"properties": {"planner": {"not": {"pattern": "^[Cc][Aa][Rr][Tt][Ee][Ss][Ii][Aa][Nn]$"}}}},
+    )
 
     kind: Literal["move"] = "move"
     goal: Goal | None = None
@@ -139,7 +136,7 @@ class MoveStage(StageBody, BodyWithRules):
         return [MoveStage(**own, goal=at.goal, blend=at.blend) for at in self.via or ()]
 
 
-class StraightStage(StageBody):
+class StraightStage(StageBody, ToolDeviations):
     """A straight motion of the tool."""
 
     published_rules = (not_where("frame", direction="normal"),)
@@ -155,10 +152,6 @@ class StraightStage(StageBody):
     """
     relative_to: Label | None = None
     """the object whose frame or surface it is, in place of that of the target"""
-    max_deviation: Deviation = 1e-4
-    """of the tool's origin from its line, for every instant [m]"""
-    max_orientation_deviation: Deviation = 1e-3
-    """of its orientation [rad]"""
 
     @model_validator(mode="after")
     def _check_form(self) -> "StraightStage":
@@ -199,15 +192,11 @@ class InsertStage(StraightStage):
     touch_depth: TouchDepth = TOUCH_DEPTH
 
 
-class FollowStage(StageBody):
+class FollowStage(StageBody, ToolDeviations):
     """Lines or an arc of the tool from where it is."""
 
     tool_speed: Positive | None = None
     """largest speed of the tip [m/s]"""
-    max_deviation: Deviation = 1e-4
-    """of the tool's origin from its motion, for every instant [m]"""
-    max_orientation_deviation: Deviation = 1e-3
-    """of its orientation [rad]"""
 
 
 class LineStage(FollowStage, BodyWithRules):
@@ -334,7 +323,16 @@ class GraspStage(StageBody, BodyWithRules):
     touch_depth: TouchDepth = TOUCH_DEPTH
 
 
-class PlaceRegion(Body):
+class RestingPlaces(Body):
+    """Poses of the object on the flat tops of its supports, each face down that it stands on."""
+
+    samples: Annotated[list[Samples], Field(min_length=2, max_length=2)] = Field([3, 3])
+    """spots along x and y of the surface"""
+    angle_samples: Samples = 4
+    """turns that are tried at each"""
+
+
+class PlaceRegion(RestingPlaces):
     """Poses of the object on a rectangle across z of a pose, turned about that z."""
 
     pose: PoseInFrame
@@ -343,10 +341,6 @@ class PlaceRegion(Body):
     """along x and y of the pose [m]"""
     angles: Range = Field([0.0, 0.0])
     """[least, largest] angle about its z [rad]"""
-    samples: Annotated[list[Samples], Field(min_length=2, max_length=2)] = Field([3, 3])
-    """along x and y"""
-    angle_samples: Samples = 4
-    """angles that are tried"""
 
 
 class PlaceGrid(Body):
@@ -362,15 +356,6 @@ class PlaceGrid(Body):
     """number of the first free place"""
     fill: Literal["next", "any"] = "next"
     """the next place by number, or any that is free"""
-
-
-class RestingPlaces(Body):
-    """Poses of the object on the flat tops of its supports, each face down that it stands on."""
-
-    samples: Annotated[list[Samples], Field(min_length=2, max_length=2)] = Field([3, 3])
-    """spots along x and y of each top"""
-    angle_samples: Samples = 4
-    """turns that are tried at each"""
 
 
 class PlaceStage(StageBody, BodyWithRules):
@@ -400,25 +385,14 @@ class PlaceStage(StageBody, BodyWithRules):
     touch_depth: TouchDepth = TOUCH_DEPTH
 
 
-class AttachStage(StageBody, BodyWithRules):
+class AttachStage(StageBody, Carried):
     """The object becomes a part of the robot, where it stands."""
-
-    only_beside: ClassVar[Beside] = {"center_of_mass": ("mass",), "inertia": ("mass",)}
 
     kind: Literal["attach"] = "attach"
     object: Label = Field(examples=["crate"])
     """name of the obstacle"""
     link: Label | None = None
     """that holds it and moves with the tip; the tip"""
-    touch_links: Labels = Field(default_factory=list)
-    """links and obstacles that it may touch while it is held"""
-    touch_depth: TouchDepth = TOUCH_DEPTH
-    mass: Positive | None = None
-    """for torques [kg]"""
-    center_of_mass: Point | None = None
-    """in the object's frame [m]"""
-    inertia: Matrix3 | None = None
-    """about it, in the object's axes [kg m^2]"""
 
 
 class DetachStage(StageBody):
@@ -570,21 +544,16 @@ class FallbackStage(Body):
     """stages of each alternative"""
 
 
-#: Kinds inside of a stage that is told by its name alone.
-_REGRASP = (None, "regrasp")
-
-
 def _with_kind(value: object) -> object:
     """A stage that is told by its own field, with its kind."""
     if isinstance(value, dict) and "kind" not in value:
-        for kind in ("for_each", "fallback"):
-            if kind in value:
-                return {"kind": kind, **value}
+        if kind := next((name for name in ("for_each", "fallback") if name in value), None):
+            return {"kind": kind, **value}
         if "regrasp" in value:
             own = value["regrasp"]
             if len(value) > 1:
                 raise ValueError("regrasp holds all fields of its stage: none stands beside it")
-            told = isinstance(own, dict) and own.get("kind") in _REGRASP
+            told = isinstance(own, dict) and own.get("kind") in (None, "regrasp")
             return {"kind": "regrasp", **(own if told else value)}
     return value
 

@@ -12,14 +12,15 @@ from armwright_wire.base import (
     Body,
     BodyWithRules,
     Frame,
+    FreeOrRange,
     InFrame,
     Label,
     NonNegative,
     Number,
     Positive,
+    Range,
     Seed,
     Timeout,
-    free_or_range,
     is_given,
 )
 from armwright_wire.pose import Pose, PoseAnswer, Quaternion, check_quaternion_norm
@@ -39,44 +40,13 @@ Quaternions = Annotated[
     Sequence[Quaternion], AS_LIST, Field(min_length=1, max_length=MAX_ORIENTATIONS)
 ]
 Edge = Annotated[float, Field(ge=0.0, le=1e3)]
-Range = Annotated[list[Number], Field(min_length=2, max_length=2)]
-Rotation = Literal["rx", "ry", "rz"]
 
 
-class ReachTolerance(Body):
+class ReachTolerance(FreeOrRange):
     """Deviation that is allowed from each pose, in its own frame: x, y, z, then Rx Ry Rz."""
 
-    published_rules = free_or_range("rx", "ry", "rz")
-
-    free: Annotated[list[Rotation], Field(max_length=3)] = Field(
-        default_factory=list, examples=[["rz"]]
-    )
-    """axes about which any angle will do"""
-    x: Range | None = None
-    """[least, largest] deviation along x [m]"""
-    y: Range | None = None
-    """along y [m]"""
-    z: Range | None = Field(None, examples=[[-0.005, 0.005]])
-    """along z [m]"""
-    rx: Range | None = None
-    """about x [rad]"""
-    ry: Range | None = None
-    """about y [rad]"""
-    rz: Range | None = None
-    """about z [rad]"""
     samples: Annotated[int, Field(ge=1, le=360)] = 12
     """values tried on each of these axes"""
-
-    @model_validator(mode="after")
-    def _free_or_range(self) -> Self:
-        for axis in self.free:
-            if getattr(self, axis) is not None:
-                raise ValueError(f"{axis} is free and has a range; give one of them")
-        for name in ("x", "y", "z", "rx", "ry", "rz"):
-            given = getattr(self, name)
-            if given is not None and given[0] > given[1]:
-                raise ValueError(f"{name}: {given[0]:g} is above {given[1]:g}")
-        return self
 
 
 class ReachBox(Body):

@@ -121,7 +121,24 @@ class LinkCapsules(Body):
     """their radius [m]"""
 
 
-class DhRow(BodyWithRules):
+class JointLimits(Body):
+    """Limits of a joint: of an upload those that its description leaves out, or tighter ones."""
+
+    lower: Number | None = None
+    """[rad] or [m]"""
+    upper: Number | None = None
+    """[rad] or [m]"""
+    velocity: Positive | None = None
+    """largest speed [rad/s or m/s]"""
+    acceleration: Positive | None = None
+    """largest acceleration [rad/s² or m/s²]"""
+    jerk: Positive | None = None
+    """largest jerk [rad/s³ or m/s³]"""
+    effort: Positive | None = None
+    """largest torque or force [N m or N]"""
+
+
+class DhRow(JointLimits, BodyWithRules):
     """One joint of a Denavit-Hartenberg table, with what is known of the link behind it.
 
     For a revolute joint `theta` is the offset of the joint variable, for a prismatic one `d` is.
@@ -143,18 +160,6 @@ class DhRow(BodyWithRules):
     """[m]"""
     theta: Number
     """[rad]"""
-    lower: Number | None = None
-    """[rad] or [m]"""
-    upper: Number | None = None
-    """[rad] or [m]"""
-    velocity: Positive | None = None
-    """largest speed [rad/s or m/s]"""
-    acceleration: Positive | None = None
-    """largest acceleration [rad/s² or m/s²]"""
-    jerk: Positive | None = None
-    """largest jerk [rad/s³ or m/s³]"""
-    effort: Positive | None = None
-    """largest torque or force [N m or N]"""
     mass: NonNegative | None = None
     """[kg]"""
     center_of_mass: Point | None = None
@@ -282,23 +287,6 @@ _MAX_LIMITS = 1_000_000
 #: A number times another limit.
 Rule = Annotated[str, Field(pattern=r"^[0-9eE+.\- ]+[x*×] *[a-z]+ *$", max_length=64)]
 Uri = Annotated[str, Field(min_length=1, max_length=_MAX_URI)]
-
-
-class JointLimits(Body):
-    """Limits that a description leaves out or that are to be tightened."""
-
-    lower: Number | None = None
-    """[rad] or [m]"""
-    upper: Number | None = None
-    """[rad] or [m]"""
-    velocity: Positive | None = None
-    """largest speed [rad/s or m/s]"""
-    acceleration: Positive | None = None
-    """largest acceleration [rad/s² or m/s²]"""
-    jerk: Positive | None = None
-    """largest jerk [rad/s³ or m/s³]"""
-    effort: Positive | None = None
-    """[N m] or [N]"""
 
 
 class DefaultLimits(Body):

@@ -66,11 +66,26 @@ AllowedAnswers = Annotated[
 ]
 
 
-class Attached(BodyWithRules):
+class Carried(BodyWithRules):
+    """What an object that is held may touch, and what it weighs."""
+
+    only_beside: ClassVar[Beside] = {"center_of_mass": ("mass",), "inertia": ("mass",)}
+
+    touch_links: Annotated[list[Label], Field(max_length=100)] = Field(default_factory=list)
+    """what it may touch: links, obstacles, other attached objects"""
+    touch_depth: TouchDepth = TOUCH_DEPTH
+    mass: Positive | None = None
+    """for torques; without one the object weighs nothing [kg]"""
+    center_of_mass: Point | None = None
+    """in the object's frame, its origin if left out [m]"""
+    inertia: Matrix3 | None = None
+    """about it, in the object's axes; a point if left out [kg m^2]"""
+
+
+class Attached(Carried):
     """An object that moves with a link; one that stands in the scene is out of it meanwhile."""
 
     one_of: ClassVar[tuple[str, ...]] = ("pose", "grasp_joints")
-    only_beside: ClassVar[Beside] = {"center_of_mass": ("mass",), "inertia": ("mass",)}
 
     id: Label = Field(examples=["workpiece"])
     """name of the object; that of an obstacle takes it out of the scene"""
@@ -84,15 +99,6 @@ class Attached(BodyWithRules):
     """
     link: Label = Field(examples=["panda_hand"])
     """link that holds the object"""
-    touch_links: Annotated[list[Label], Field(max_length=100)] = Field(default_factory=list)
-    """what it may touch: links, obstacles, other attached objects"""
-    touch_depth: TouchDepth = TOUCH_DEPTH
-    mass: Positive | None = None
-    """for torques; without one the object weighs nothing [kg]"""
-    center_of_mass: Point | None = None
-    """in the object's frame, its origin if left out [m]"""
-    inertia: Matrix3 | None = None
-    """about it, in the object's axes; a point if left out [kg m^2]"""
 
 
 FingerPositions = Annotated[dict[Label, Number], Field(max_length=MAX_FINGERS)]
