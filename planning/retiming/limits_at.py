@@ -16,7 +16,7 @@ from kinematics.arrays import Array, Indices, frozen
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import concatenate
-from planning.timing.method import PathLimits, TimingMethod
+from planning.timing.method import TimingMethod
 from planning.timing.options import TimingFailed
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.path import JointPath
@@ -284,10 +284,8 @@ def _time_parts(
     fastest, timed = speeds.copy(), dict[int, ScaledTime]()
     while len(timed) < len(parts):
         i = next(i for i in range(len(parts)) if i not in timed)
-        by = within[i]
-        limits = PathLimits(by.velocity, by.acceleration, by.jerk, by.loads)
         try:
-            timed[i] = by.method.time(parts[i], joint_names, limits, (speeds[i], speeds[i + 1]))
+            timed[i] = within[i].time(parts[i], joint_names, (speeds[i], speeds[i + 1]))
         except TimingFailed:
             lower = [k for k in (i, i + 1) if 0 < k < len(parts) and speeds[k] > 0.0]
             if not lower:

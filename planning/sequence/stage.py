@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -123,27 +123,13 @@ class Straight:
     """
 
     kind: StraightKind
-    direction: Array
+    direction: ArrayLike
     frame: DirectionFrame
     least: float
     most: float
     settings: StageSettings = field(default_factory=StageSettings)
     of: str | None = None
     into: Into = field(default_factory=Into)
-
-    if TYPE_CHECKING:  # the constructor takes whatever makes an array
-
-        def __init__(
-            self,
-            kind: StraightKind,
-            direction: ArrayLike,
-            frame: DirectionFrame,
-            least: float,
-            most: float,
-            settings: StageSettings = ...,
-            of: str | None = ...,
-            into: Into = ...,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         direction = np.asarray(self.direction, dtype=np.float64).reshape(3)

@@ -148,7 +148,7 @@ def lead_straight(
     """
     chain = cell.robot.chain
     T = forward(chain, q)
-    along = world.direction(stage.direction, stage.frame, stage.of, T)
+    along = world.direction(np.asarray(stage.direction), stage.frame, stage.of, T)
     backwards = stage.kind == "approach"
     if backwards:
         along = -along

@@ -37,7 +37,7 @@ from planning.timing.path.blend import (
     merge,
     reach_for_deviation,
 )
-from planning.tool_motions.passing_times import first_approach
+from planning.tool_motions.passing_times import first_approach, instants, times_of_passing
 from planning.values.deadline import Deadline
 
 #: The motion may be farther from a corner than asked by what rounding leaves.
@@ -254,9 +254,7 @@ def _cut(
 ) -> list[Trajectory] | None:
     """The parts of a motion between corners; None where it passes one too far away."""
     # Samples of each piece of a motion for the instant at which it passes a corner.
-    steps = np.linspace(0.0, 1.0, 8, endpoint=False)
-    grid = (motion.breaks[:-1, None] + np.outer(np.diff(motion.breaks), steps)).ravel()
-    grid = np.append(grid, motion.duration)
+    grid = instants(motion, 8)
     joints, now = motion.sample(grid), 0
     times: list[float] = []
     for k in range(1, len(points) - 1):
@@ -284,14 +282,8 @@ def _crossing(motion: Trajectory, legs: Array, low: float, high: float) -> float
         return float(breaks[at_corner][0])
     ways = np.diff(legs, axis=0)
     along = (ways / np.linalg.norm(ways, axis=1, keepdims=True)).sum(axis=0)
-    # Halvings of the stretch in which it does.
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if float((motion.sample([middle])[0] - legs[1]) @ along) < 0.0:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+    ends = np.array([low]), np.array([high])
+    return times_of_passing(lambda times: (motion.sample(times) - legs[1]) @ along, *ends)[0]
 
 
 def _proved(

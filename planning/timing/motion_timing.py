@@ -23,10 +23,7 @@ from obstacles.collision.lanes.check import mark_blocked
 from obstacles.collision.model.model_arrays import ModelArrays
 from planning.timing.jerk.jerk_limited import Pieces
 from planning.timing.options import TimingFailed, TimingOptions
-from planning.timing.parametrization import (
-    TimeParametrization,
-    merge_repeated,
-)
+from planning.timing.parametrization import TimeParametrization, merge_repeated
 from planning.timing.path.blend import (
     certified_reaches,
     largest_reaches,
@@ -362,11 +359,25 @@ def waypoint_splines(
             hint="Leave times out, or time a path of your own by POST /v1/retime.",
             waypoints=points.tolist(),
         )
+
+    def spline(points: Array, times: Array | None) -> ScaledTime:
+        timed = parametrization.time_spline(points, times, ends, names, timing.scale_times)
+        checked = times is not None and not timing.scale_times
+        factor = parametrization.needed_factor(timed.trajectory) if checked else 1.0
+        if factor > 1.0 + RATIO_TOLERANCE:
+            raise TimingFailed(
+                "the times given are too short: limits are kept by times "
+                f"{factor:.9g} times as long",
+                hint="Give longer times, or ask for scale_times.",
+                factor=factor,
+            )
+        return timed
+
     if ends == "natural":
-        _refuse_moving_ends(_spline(points, times, ends, parametrization, timing, names))
+        _refuse_moving_ends(spline(points, times))
     # How often the legs of a path are halved to bring a spline nearer to them.
     for _ in range(6):
-        yield partial(_spline, points, times, ends, parametrization, timing, names)
+        yield partial(spline, points, times)
         points = _halve(points)
         times = None if times is None else _halve(times[:, None])[:, 0]
 
@@ -387,26 +398,6 @@ def _refuse_moving_ends(timed: ScaledTime) -> None:
                 start_velocity=start.tolist(),
                 end_velocity=end.tolist(),
             )
-
-
-def _spline(
-    points: Array,
-    times: Array | None,
-    ends: Ends,
-    parametrization: TimeParametrization,
-    timing: TimingOptions,
-    names: tuple[str, ...],
-) -> ScaledTime:
-    timed = parametrization.time_spline(points, times, ends, names, timing.scale_times)
-    checked = times is not None and not timing.scale_times
-    factor = parametrization.needed_factor(timed.trajectory) if checked else 1.0
-    if factor > 1.0 + RATIO_TOLERANCE:
-        raise TimingFailed(
-            f"the times given are too short: limits are kept by times {factor:.9g} times as long",
-            hint="Give longer times, or ask for scale_times.",
-            factor=factor,
-        )
-    return timed
 
 
 def _halve(rows: Array) -> Array:

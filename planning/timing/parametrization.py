@@ -14,12 +14,13 @@ from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.estimate import estimate_limits
 from planning.timing.jerk.double_s import MAX_PHASES
 from planning.timing.jerk.jerk_limited import Pieces, rough_pieces, time_path_with_jerk
-from planning.timing.method import JerkUse, PathLimits, TimingMethod
+from planning.timing.method import JerkUse, TimingMethod
 from planning.timing.options import Method, Solver, TimingFailed
 from planning.timing.path.blend import blend, merge
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import slow_down
 from planning.timing.speed.lower_bound import lower_bound
+from planning.timing.speed.minimum_time import time_path
 from planning.timing.spline.quintic_fit import even_parts, fit_pieces
 from planning.timing.spline.span_loads import SpanLoads, span_loads
 from planning.timing.spline.spline import (
@@ -189,15 +190,45 @@ class TimeParametrization:
         slowest = speed if loads.tool_speed is None else min(speed, loads.tool_speed)
         return replace(self, loads=replace(loads, tool_speed=slowest))
 
-    def time(self, path: JointPath, joint_names: Sequence[str]) -> ScaledTime:
+    def time(
+        self,
+        path: JointPath,
+        joint_names: Sequence[str],
+        end_speeds: tuple[float, float] | None = None,
+    ) -> ScaledTime:
         """The path run through as fast as the limits allow; not for splines of time.
 
+        Args:
+            path: Path to follow.
+            joint_names: n names.
+            end_speeds: ds/dt at the start and at the end; None for those of the boundary
+                velocities.
+
         Raises:
-            InvalidOption: A limit is malformed, or a boundary velocity points off the path.
+            InvalidOption: A limit is malformed, a boundary velocity points off the path, or the
+                method does not follow paths.
             TimingFailed: There is no such motion, or none was found.
         """
-        limits = PathLimits(self.velocity, self.acceleration, self.jerk, self.loads)
-        return self.method.time(path, joint_names, limits, self.end_speeds(path))
+        method = self.method
+        if not method.follows_path:
+            raise InvalidOption(
+                f"the timing method {method.name} does not follow paths",
+                hint="Choose toppra or jerk_limited.",
+            )
+        speeds = end_speeds or self.end_speeds(path)
+        if method.smooth:
+            return time_path_with_jerk(
+                path, joint_names, *self.jerk_bounds, end_speeds=speeds, loads=self.loads
+            )
+        return time_path(
+            path,
+            joint_names,
+            self.velocity,
+            self.acceleration,
+            solver=method.solver or "reachability",
+            end_speeds=speeds,
+            loads=self.loads,
+        )
 
     def time_polyline(
         self, waypoints: Array, reaches: Array, joint_names: Sequence[str]

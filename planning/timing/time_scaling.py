@@ -135,8 +135,12 @@ def dilate(
     Raises:
         InvalidOption: A limit is not positive, or their number is not n.
     """
-    limits = _bounds(trajectory.n, velocity, acceleration, jerk)
-    return _stretch(trajectory, limits, 1.0)
+    limits = motion_bounds(trajectory.n, velocity, acceleration, jerk)
+    breaks, coefficients = trajectory.breaks.copy(), trajectory.coefficients.copy()
+    factor = stretch_kernel(breaks, coefficients, limits, 1.0)
+    if factor == 1.0:
+        return ScaledTime(trajectory, factor)
+    return scaled_motion(trajectory.joint_names, breaks, coefficients, factor)
 
 
 def fitting_factor(
@@ -150,11 +154,8 @@ def fitting_factor(
     Raises:
         InvalidOption: As in ``dilate``.
     """
-    limits = _bounds(trajectory.n, velocity, acceleration, jerk)
-    return _least_factor(_worst(trajectory.breaks, trajectory.coefficients, limits))
-
-
-def _least_factor(worst: Array) -> float:
+    limits, worst = motion_bounds(trajectory.n, velocity, acceleration, jerk), np.zeros(3)
+    worst_kernel(trajectory.breaks, trajectory.coefficients, limits, worst)
     return float(max(worst ** (1.0 / np.arange(1.0, 4.0))))
 
 
@@ -169,7 +170,7 @@ def fit(
     Raises:
         InvalidOption: As in ``dilate``, or no limit given bounds the motion.
     """
-    limits = _bounds(trajectory.n, velocity, acceleration, jerk)
+    limits = motion_bounds(trajectory.n, velocity, acceleration, jerk)
     breaks, coefficients = trajectory.breaks.copy(), trajectory.coefficients.copy()
     return scaled_motion(
         trajectory.joint_names, breaks, coefficients, fit_kernel(breaks, coefficients, limits)
@@ -279,30 +280,17 @@ def checked_limits(values: ArrayLike, name: str, n: int) -> Array:
     return limits
 
 
-def _bounds(n: int, *limits: ArrayLike | None) -> Array:
-    """The limits, checked, by the order of the derivative, inf where none is given; (3, n)."""
-    bounds = np.full((3, n), np.inf)
-    for row, (values, name) in enumerate(
-        zip(limits, ("velocity", "acceleration", "jerk"), strict=True)
-    ):
+def motion_bounds(n: int, *limits: ArrayLike | None) -> Array:
+    """The limits, checked, by the order of the derivative, inf where none is given; (3, n).
+
+    Raises:
+        InvalidOption: A limit is not positive, or their number is not n.
+    """
+    bounds, names = np.full((3, n), np.inf), ("velocity", "acceleration", "jerk")
+    for row, (values, name) in enumerate(zip(limits, names, strict=False)):
         if values is not None:
             bounds[row] = checked_limits(values, name, n)
     return bounds
-
-
-def _stretch(trajectory: Trajectory, limits: Array, factor: float) -> ScaledTime:
-    breaks, coefficients = trajectory.breaks.copy(), trajectory.coefficients.copy()
-    factor = stretch_kernel(breaks, coefficients, limits, factor)
-    if factor == 1.0:
-        return ScaledTime(trajectory, factor)
-    return scaled_motion(trajectory.joint_names, breaks, coefficients, factor)
-
-
-def _worst(breaks: Array, coefficients: Array, limits: Array) -> Array:
-    """The worst ratio to the limits (3, n) of each order, 0 where there is none, shape (3,)."""
-    worst = np.zeros(3)
-    worst_kernel(breaks, coefficients, limits, worst)
-    return worst
 
 
 @kernel

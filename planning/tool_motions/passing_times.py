@@ -37,7 +37,7 @@ def passing_times(
     return [*_approaches(path, motion, parts), motion.duration]
 
 
-def _grid(motion: Trajectory, looks: int) -> Array:
+def instants(motion: Trajectory, looks: int) -> Array:
     """Times at which a motion is checked, shape (pieces * looks + 1,) [s]."""
     steps = np.linspace(0.0, 1.0, looks, endpoint=False)
     grid = (motion.breaks[:-1, None] + np.outer(np.diff(motion.breaks), steps)).ravel()
@@ -46,7 +46,7 @@ def _grid(motion: Trajectory, looks: int) -> Array:
 
 def _crossings(chain: Chain, motion: Trajectory, parts: tuple[RunPart, ...]) -> list[float]:
     """Times at which the tool passes planes across the path at the ends of parts but the last."""
-    grid = _grid(motion, _LOOKS)
+    grid = instants(motion, _LOOKS)
     points = forward(chain, motion.sample(grid))[:, :3, 3]
     ends = np.array([part.motion.T_end[:3, 3] for part in parts[:-1]])
     along = np.array(
@@ -65,12 +65,12 @@ def _crossings(chain: Chain, motion: Trajectory, parts: tuple[RunPart, ...]) -> 
         p = forward(chain, motion.sample(times))[:, :3, 3]
         return np.asarray(((p - ends) * along).sum(axis=1))
 
-    return _bisect(off, low, high)
+    return times_of_passing(off, low, high)
 
 
 def _approaches(path: JointPath, motion: Trajectory, parts: tuple[RunPart, ...]) -> list[float]:
     """Times at which the joints are nearest to where they are at the ends of parts but the last."""
-    grid = _grid(motion, _LOOKS)
+    grid = instants(motion, _LOOKS)
     joints, wanted = motion.sample(grid), np.array([part.end for part in parts[:-1]])
     places = path.breaks[1:-1]
     corners, tangents = path.sample(places), path.sample(places, 1)
@@ -88,10 +88,10 @@ def _approaches(path: JointPath, motion: Trajectory, parts: tuple[RunPart, ...])
         away = motion.sample(times) - corners[chosen]
         return np.asarray((away * tangents[chosen]).sum(axis=1))
 
-    return _bisect(off, low, high)
+    return times_of_passing(off, low, high)
 
 
-def _bisect(off: Callable[[Array], Array], low: Array, high: Array) -> list[float]:
+def times_of_passing(off: Callable[[Array], Array], low: Array, high: Array) -> list[float]:
     """Times within brackets at which distances (k,) become positive, not descending [s]."""
     # Halvings of the stretch in which it does.
     for _ in range(45):

@@ -33,7 +33,7 @@ from planning.timing.jerk.interior_point import least_time_kernel
 from planning.timing.options import TimingFailed
 from planning.timing.path.path import SAME_DIRECTION, JointPath, composed_pieces
 from planning.timing.speed.effort_limits import Extra, KnotLimits, effort_rows, slow_down
-from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, slowed_at_ends
+from planning.timing.time_scaling import ScaledTime, dilate, motion_bounds, slowed_at_ends
 from planning.values.limits import EffortLimits
 
 
@@ -209,7 +209,12 @@ def time_path_with_jerk(
             path's second derivative jumps.
         TimingFailed: Nothing was found, say since boundary speeds can't be kept.
     """
-    limits = _limits(path, velocity, acceleration, jerk)
+    limits = motion_bounds(path.n, velocity, acceleration, jerk)
+    if not np.isfinite(limits[1:]).all():
+        raise InvalidOption(
+            "each joint needs finite acceleration and jerk limits to be timed with bounded jerk",
+            hint="Only a velocity limit may be missing.",
+        )
     _check_smooth(path)
     extra = None if loads is None else effort_rows(loads)
 
@@ -278,7 +283,9 @@ def _curved_phases(
     """The phases of a section, their starts within the path's pieces, and those pieces."""
     made = grid(path, limits, speeds, extra, _ROUGH_CELLS if rough else None)
     rows = made.rows
-    z = _start(rows)
+    z = np.empty(len(rows.lengths))
+    if not start_kernel(rows, z):
+        raise _no_speed()
     # Barrier parameter at the start from a first guess, far from the limits, and what the time may
     # exceed the least one by: the first round only shows where limits between knots are exceeded.
     least_time_kernel(rows, z, 0.3, _ROUGH_TOLERANCE if rough else 1e-2)
@@ -290,7 +297,8 @@ def _curved_phases(
         elif rough:
             break
         else:
-            ratios = _ratios(path, made, phases, limits)
+            ratios = np.empty((3, len(made.pieces)))
+            ratios_kernel(path.coefficients, made.pieces, path.breaks, phases, limits, ratios)
             if extra is not None:
                 _widen(ratios, extra(path, phases[1::2, 0]), phases[1::2])
             excess = max(float(r.max()) ** (1.0 / k) for k, r in enumerate(ratios, 1))
@@ -340,14 +348,6 @@ def _faster(rows: JerkLimits, z: Array, enough: float) -> Array:
     return z
 
 
-def _start(rows: JerkLimits) -> Array:
-    """A first guess inside all limits."""
-    z = np.empty(len(rows.lengths))
-    if not start_kernel(rows, z):
-        raise _no_speed()
-    return z
-
-
 def _tighten_limits(rows: JerkLimits, ratios: Array) -> JerkLimits:
     """The limits, lower where the motion between its knots exceeds them by the ratios (3, N)."""
     velocity, acceleration, jerk = np.maximum(ratios, 1.0)
@@ -375,13 +375,6 @@ def _limit_changes(rows: JerkLimits, z: Array) -> JerkLimits:
 def _at_knots(h: Array, z: Array) -> Array:
     """The c at the knots."""
     return np.asarray((h[1:] * z[:-1] + h[:-1] * z[1:]) / (h[:-1] + h[1:]))
-
-
-def _ratios(path: JointPath, made: Grid, phases: Array, limits: Array) -> Array:
-    """Largest ratios to the limits at both ends of both phases of each cell, shape (3, N)."""
-    ratios = np.empty((3, len(made.pieces)))
-    ratios_kernel(path.coefficients, made.pieces, path.breaks, phases, limits, ratios)
-    return ratios
 
 
 def _widen(ratios: Array, more: KnotLimits, middles: Array) -> None:
@@ -420,19 +413,6 @@ def _no_speed() -> TimingFailed:
         "no speed along the path was found that keeps all limits",
         hint="Look for limits or lengths of very different sizes.",
     )
-
-
-def _limits(path: JointPath, *given: ArrayLike) -> Array:
-    names = ("velocity", "acceleration", "jerk")
-    limits = np.stack(
-        [checked_limits(values, name, path.n) for values, name in zip(given, names, strict=True)]
-    )
-    if not np.isfinite(limits[1:]).all():
-        raise InvalidOption(
-            "each joint needs finite acceleration and jerk limits to be timed with bounded jerk",
-            hint="Only a velocity limit may be missing.",
-        )
-    return limits
 
 
 def _check_smooth(path: JointPath) -> None:

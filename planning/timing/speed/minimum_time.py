@@ -33,9 +33,9 @@ from planning.timing.speed.constraints import Cells, cells, guards
 from planning.timing.speed.effort_limits import slow_down, with_effort_rows
 from planning.timing.time_scaling import (
     ScaledTime,
-    checked_limits,
     dilate,
     end_speed_failure,
+    motion_bounds,
     slowed_at_ends,
 )
 from planning.values.limits import EffortLimits
@@ -312,7 +312,12 @@ def time_path(
             unknown, or the resolution is out of range.
         TimingFailed: The solver found nothing, or the speeds at the ends can't be kept.
     """
-    limits = _limits(path, velocity, acceleration)
+    limits = frozen(motion_bounds(path.n, velocity, acceleration)[:2])
+    if not np.isfinite(limits[1]).all():
+        raise InvalidOption(
+            "the acceleration limits must be finite",
+            hint="Without them the least time would take infinite accelerations.",
+        )
     # The solver is given limits this much lower, so that what it rounds off stays within the true
     # ones and no dilation is needed as a rule.
     aims = frozen(limits * (1.0 - 1e-12))
@@ -322,7 +327,11 @@ def time_path(
             hint=f"Give a number from 1 to {MAX_RESOLUTION}.",
         )
     problem = SpeedProblem(path, aims, resolution, end_speeds, loads)
-    solve = _speed_solver(solver)
+    solve = _SOLVERS.get(solver)
+    if solve is None:
+        raise InvalidOption(
+            f"there is no timing solver {solver!r}", hint=f"Choose from {', '.join(_SOLVERS)}."
+        )
 
     def make(speeds: tuple[float, float]) -> ScaledTime:
         asked = problem._replace(end_speeds=speeds)
@@ -404,26 +413,3 @@ def _check_ends(squares: Array, end_speeds: tuple[float, float]) -> None:
     for square, speed in zip(squares[[0, -1]], end_speeds, strict=True):
         if speed > 0.0 and square < speed**2 * (1.0 - _SAME_SPEED):
             raise end_speed_failure()
-
-
-def _speed_solver(name: Solver) -> SpeedSolver:
-    if name not in _SOLVERS:
-        raise InvalidOption(
-            f"there is no timing solver {name!r}", hint=f"Choose from {', '.join(_SOLVERS)}."
-        )
-    return _SOLVERS[name]
-
-
-def _limits(path: JointPath, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
-    limits = np.stack(
-        [
-            checked_limits(velocity, "velocity", path.n),
-            checked_limits(acceleration, "acceleration", path.n),
-        ]
-    )
-    if not np.isfinite(limits[1]).all():
-        raise InvalidOption(
-            "the acceleration limits must be finite",
-            hint="Without them the least time would take infinite accelerations.",
-        )
-    return frozen(limits)

@@ -17,7 +17,7 @@ from planning.timing.choice import (
     require_limits,
     required_limits,
 )
-from planning.timing.method import PathLimits, timing_method
+from planning.timing.method import timing_method
 from planning.timing.options import METHODS, Method, Payload, Solver, TimingOptions
 from planning.timing.parametrization import TimeParametrization, timing_report
 from planning.timing.path.blend import blend
@@ -152,7 +152,6 @@ def test_a_solver_without_a_method_names_its_method() -> None:
         TimingOptions("toppra", solver="double_s")
 
 
-LIMITS = PathLimits(np.ones(2), np.full(2, 4.0), np.full(2, 40.0))
 PATH = blend([[0.0, 0.0], [1.0, 0.5]], [])
 
 
@@ -161,8 +160,11 @@ def still(duration: float, factor: float) -> ScaledTime:
 
 
 def test_a_spline_does_not_follow_a_path() -> None:
+    law = TimeParametrization(timing_method("spline"), np.ones(2), np.full(2, 4.0))
     with pytest.raises(InvalidOption, match="does not follow paths"):
-        timing_method("spline").time(PATH, ("a", "b"), LIMITS, (0.0, 0.0))
+        TimeParametrization(timing_method("spline"), np.ones(2), np.full(2, 4.0)).time(
+            PATH, ("a", "b")
+        )
 
 
 def test_only_the_package_tells_what_its_answer_cost() -> None:
