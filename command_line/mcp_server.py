@@ -443,16 +443,13 @@ def obstacle_words(obstacle: Obstacle) -> str:
     """An obstacle in a line: name, shape, sizes and position."""
     fields = obstacle.shape.model_dump(mode="json", exclude_none=True)
     kind = fields.pop("type")
-    sizes = [f"{name} {value}" for name, value in fields.items() if not is_long(value)]
+    # Vertices, points and files are too long for a line.
+    sizes = [f"{name} {value}" for name, value in fields.items()
+             if not (isinstance(value, str | list) and len(value) > 8)]  # fmt: skip
     place = obstacle.pose.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     where = ", ".join(f"{name} {value}" for name, value in place.items())
     margin = f", margin {obstacle.margin} m" if obstacle.margin else ""
     return f"{obstacle.id}: {', '.join([kind, *sizes])}; {where}{margin}"
-
-
-def is_long(value: object) -> bool:
-    """Whether a value is too long for a line: vertices, points, files."""
-    return isinstance(value, str | list) and len(value) > 8
 
 
 def stage_sentences(stages: Iterable[Mapping[str, Any]]) -> Iterable[str]:

@@ -20,7 +20,9 @@ from planning.exports.languages import Krl, Language, Rapid, Stream, URScript, W
 from planning.exports.options import ExportFormat, ExportOptions, Rule
 from planning.exports.points import ExportPoints, export_points
 from planning.proof.certificate import Certificate, certify
+from planning.proof.limits.limits import QUANTITIES
 from planning.proof.premises import Premises
+from planning.timing.path.path import composed_pieces
 from planning.values.deadline import Deadline
 from planning.values.limits import RATIO_TOLERANCE, MotionLimits
 
@@ -252,7 +254,9 @@ def prove_run(
     points, motion = _within_limits(whole, chain.limits, options)
     # Cubics pass points at which the acceleration jumps: what jerk they make is reported.
     limits = MotionLimits(holds_jerk=points.rule == Rule.QUINTIC)
-    limits = _no_rates(chain.n) if options.is_path else limits
+    if options.is_path:
+        # The controller chooses rates along a path.
+        limits = MotionLimits(dict.fromkeys(QUANTITIES[1:], np.full(chain.n, np.inf)))
     rest, certificates, tolerances = motion, list[Certificate](), list[float | None]()
     for k, (own, place) in enumerate(parts):
         piece = rest
@@ -319,7 +323,7 @@ def _within_limits(
 def _excess(given: Trajectory, motion: Trajectory, limits: Limits, rule: Rule) -> float:
     """By how much longer a motion has to take to keep the limits that the given one keeps."""
     factor = 1.0
-    for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
+    for order, name in enumerate(QUANTITIES[1:], 1):
         # Cubics are for motions whose acceleration jumps: their jerk has no bound.
         if order <= (3 if rule == Rule.QUINTIC else 2):
             limit = getattr(limits, name)
@@ -328,12 +332,6 @@ def _excess(given: Trajectory, motion: Trajectory, limits: Limits, rule: Rule) -
             if before <= 1.0 + RATIO_TOLERANCE < after:
                 factor = max(factor, float(after) ** (1.0 / order))
     return factor - 1.0
-
-
-def _no_rates(n: int) -> MotionLimits:
-    """No limits of rates: the controller chooses them along a path."""
-    none = np.full(n, np.inf)
-    return MotionLimits(dict.fromkeys(("velocity", "acceleration", "jerk"), none))
 
 
 def file_text(
@@ -440,12 +438,8 @@ def _coefficients(motion: Trajectory, starts: Array, end: float) -> Array:
     """Coefficients of a motion about the starts of pieces that do not cross its breaks."""
     middles = 0.5 * (starts + np.append(starts[1:], end))
     pieces = np.clip(np.searchsorted(motion.breaks, middles, "right") - 1, 0, motion.pieces - 1)
-    c: Array = motion.coefficients[pieces].copy()
-    shift = (starts - motion.breaks[pieces])[:, None]
-    for first in range(c.shape[2] - 1):
-        for i in range(c.shape[2] - 2, first - 1, -1):
-            c[:, :, i] += shift * c[:, :, i + 1]
-    return c
+    phases = np.column_stack([starts - motion.breaks[pieces], np.ones(len(starts))])
+    return composed_pieces(motion.coefficients, pieces, phases, 1)
 
 
 def _padded(c: Array, size: int) -> Array:

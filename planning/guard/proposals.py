@@ -19,6 +19,7 @@ from kinematics.trajectory.trajectory import INTERPOLATIONS, Trajectory, concate
 from kinematics.velocity import joint_velocities
 from planning.stops.braking import BrakingLimits
 from planning.stops.stop_family import braking_motion, state_at, taylor
+from planning.timing.path.path import composed_pieces
 
 #: Time after which the joint velocities of a twist are worked out anew [s].
 _TWIST_STEP = 0.02
@@ -249,14 +250,9 @@ def _run_by(motion: Trajectory, clock: Array, span: float) -> Trajectory:
     breaks.append(span)
     begins = np.array(breaks[:-1])
     clocks = taylor(np.tile(clock, (len(begins), 1, 1)), begins)[:, 0]
-    c = taylor(motion.coefficients, clocks[:, 0] - motion.breaks[:-1])
-    clocks[:, 0] = 0.0
-    pieces = np.zeros((*c.shape[:2], (len(clock) - 1) * (c.shape[2] - 1) + 1))
-    for i, own in enumerate(clocks):
-        power = np.ones(1)
-        for k in range(c.shape[2]):
-            pieces[i, :, : len(power)] += c[i, :, k : k + 1] * power
-            power = np.convolve(power, own)
+    clocks[:, 0] -= motion.breaks[:-1]
+    owners, phases = np.arange(len(begins)), np.ascontiguousarray(clocks)
+    pieces = composed_pieces(motion.coefficients, owners, phases, len(clock) - 1)
     return Trajectory(motion.joint_names, np.array(breaks), pieces[..., : _MOST_DEGREE + 1])
 
 

@@ -45,12 +45,6 @@ class Iterate:
         set_ends(self.space, points, self.duration, start, end)
         return Iterate(self.space, points, self.duration)
 
-    def toward(self, other: "Iterate", share: float) -> "Iterate":
-        """Part of the way to another iterate of the same space."""
-        points = self.points + share * (other.points - self.points)
-        duration = self.duration + share * (other.duration - self.duration)
-        return Iterate(self.space, points, duration)
-
 
 def set_ends(space: SplineSpace, points: Array, duration: float, start: End, end: End) -> None:
     """Write the control points (N, n) that position and derivatives at the ends decide."""

@@ -284,9 +284,9 @@ def retime(
     if timing.times is not None and timing.method == "jerk_limited":
         return time_passages(path, timing, overrides, chain)
     names, n = path.joint_names, len(path.joint_names)
-    if chain is None and "jerk" not in overrides:
+    if chain is None and "jerk" not in overrides and timing.method is timing.solver is None:
         # All limits are the caller's: what is not among them is not limited.
-        timing = _with_method(timing)
+        timing = replace(timing, method="toppra")
     points, method = path.points, timing_method(timing.method, timing.solver)
     limits = Limits.unlimited(n) if chain is None else chain.limits
     times = _given_times(path, timing)
@@ -370,13 +370,6 @@ def with_path_stops(
     return replace(timed, stops=certify_path_stops(motion, timed.certificate, limits, wanted))
 
 
-def _with_method(timing: TimingOptions) -> TimingOptions:
-    """The options with the least time as the method, where neither method nor solver is named."""
-    if timing.method is None and timing.solver is None:
-        return replace(timing, method="toppra")
-    return timing
-
-
 def _interpolation(path: PathToTime, timing: TimingOptions) -> Interpolation:
     """The interpolation asked for, or the usual one of the method.
 
@@ -385,18 +378,13 @@ def _interpolation(path: PathToTime, timing: TimingOptions) -> Interpolation:
     """
     usual: Interpolation = "natural_spline" if timing.method == "spline" else "linear"
     interpolation = timing.interpolation or usual
-    if interpolation == "linear":
-        _refuse_knots(path)
-    _check_tolerance(path.tolerance, timing, interpolation)
-    return interpolation
-
-
-def _refuse_knots(path: PathToTime) -> None:
-    if path.knots is not None:
+    if interpolation == "linear" and path.knots is not None:
         raise InvalidOption(
             "knots belong to splines; straight lines have none",
             hint="Ask for interpolation natural_spline or clamped_spline, or leave knots out.",
         )
+    _check_tolerance(path.tolerance, timing, interpolation)
+    return interpolation
 
 
 def _check_tolerance(

@@ -165,7 +165,7 @@ class LimitAvoidance:
             if self.deadline.passed:
                 return False
             leaf = self._with(depth, target, q)
-            if leaf is None or not self._fewer_at_limit(leaf):
+            if leaf is None or _count_at_limit(leaf) >= _count_at_limit(self.leaf):
                 continue
             steps = leaf.all_steps
             changed = [k for k, step in enumerate(steps) if step.plan is None]
@@ -193,9 +193,6 @@ class LimitAvoidance:
                 return False
             step.plan = plan
         return True
-
-    def _fewer_at_limit(self, leaf: Node) -> bool:
-        return _count_at_limit(leaf) < _count_at_limit(self.leaf)
 
     # ------------------------------------------------------------------ the other configurations
 

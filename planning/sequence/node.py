@@ -161,11 +161,6 @@ class Node:
         return tuple(node.target.number for node in self.path if node.target is not None)
 
     @property
-    def is_dead(self) -> bool:
-        """Whether this node or one above it leads nowhere."""
-        return any(node.dead for node in self.path)
-
-    @property
     def all_steps(self) -> list[Step]:
         """Steps from the start on."""
         return [step for node in self.path for step in (*node.steps, *node.onward)]

@@ -121,7 +121,7 @@ class _Search:
         self._push(root, 0.0)
         while self._open and not self._is_over():
             _, _, node = heappop(self._open)
-            if node.is_dead or self._is_longer(node):
+            if any(one.dead for one in node.path) or self._is_longer(node):
                 continue
             if self._is_complete(node):
                 self._realise(node)
@@ -289,7 +289,7 @@ class _Search:
         rest = -5.0 * node.depth
         if self._best is not None:
             # Share of the time of the best answer's later segments that others will take likewise.
-            rest = 0.7 * _rest_of(self._best, steps)
+            rest = 0.7 * total_duration(self._best.stages[steps:])
         # Seconds by which a node whose free motion took too long counts as longer.
         late = 2.0 * node.attempts
         priority = node.value + estimate + rest + node.penalty + late
@@ -445,11 +445,6 @@ class _Search:
                     self._store_prefix(self._farthest)
                     return
         self._store_prefix(self._farthest)
-
-
-def _rest_of(best: _Best, steps: int) -> float:
-    """Time of the best answer's stages after the first ones [s]."""
-    return total_duration(best.stages[steps:])
 
 
 def _without(node: Node, target: Target) -> list[Child]:

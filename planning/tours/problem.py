@@ -124,10 +124,6 @@ class TourProblem:
         return [goal.group for goal in self.goals]
 
 
-def _quick_options() -> Options:
-    return Options(clearance=PreferredClearance(0.0))
-
-
 @dataclass(frozen=True, slots=True)
 class TourOptions:
     """Options of planning a tour.
@@ -145,7 +141,7 @@ class TourOptions:
         InvalidGoal: A value is out of its range.
     """
 
-    planning: Options = field(default_factory=_quick_options)
+    planning: Options = field(default_factory=lambda: Options(clearance=PreferredClearance(0.0)))
     rounds: int = 20
     leg_timeout: float = 10.0
     allow_partial: bool = False

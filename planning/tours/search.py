@@ -350,7 +350,8 @@ class TourSearch:
 
     def _note_improvement(self, round_number: int) -> None:
         time = sum(self.legs.legs[pair].trajectory.duration for pair in self._pairs())
-        self.improvements.append(TourImprovement(round_number, time + self._dwell()))
+        dwell = sum(self.problem.goals[i].dwell for i in self.stops.goals)
+        self.improvements.append(TourImprovement(round_number, time + dwell))
 
     def _free_ends(self) -> float:
         """Costs of the first and last visits beside their legs, where an end is any goal."""
@@ -396,9 +397,6 @@ class TourSearch:
     def _pairs(self) -> list[Pair]:
         """Configurations at the two ends of each leg."""
         return list(pairwise(self.configuration(stop) for stop in self.visited()))
-
-    def _dwell(self) -> float:
-        return sum(self.problem.goals[i].dwell for i in self.stops.goals)
 
     def _visits_groups_whole(self) -> bool:
         """Whether the goals of each group are visited one after another."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array
 
 #: Edges that are kept of one run unless asked otherwise.
 _MAX_EDGES = 4000
@@ -72,14 +72,3 @@ class Explored:
             self.edges.append(Edge(np.array(begin), np.array(end), part))
         else:
             self.left_out += 1
-
-    def add_tree(self, points: Array, parents: Indices, part: str) -> None:
-        """Store the edges of a tree.
-
-        Args:
-            points: Nodes of the tree, shape (k, n) [rad or m].
-            parents: The node that each was reached from, -1 for roots, shape (k,).
-            part: Number of the tree.
-        """
-        for node in np.flatnonzero(np.asarray(parents) >= 0):
-            self.add(points[parents[node]], points[node], part)

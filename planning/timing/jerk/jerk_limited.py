@@ -268,7 +268,7 @@ def _sections(
         else:
             phases, owners = _curved_phases(section, limits, ends, extra, rough=rough)
         durations.append(phases[:, 4])
-        coefficients.append(composed_pieces(section, owners, phases, 3))
+        coefficients.append(composed_pieces(section.coefficients, owners, phases, 3))
     return Pieces(np.cumsum(np.concatenate(durations)), np.concatenate(coefficients))
 
 

@@ -187,7 +187,7 @@ def time_at_steady_speed(
     owners = np.searchsorted(path.breaks, phases[:, 0] + _SAME_PLACE * path.length, side="right")
     owners = np.clip(owners - 1, 0, len(path.lengths) - 1).astype(np.int64)
     phases[:, 0] -= path.breaks[owners]
-    pieces = composed_pieces(path, owners, phases, 3)
+    pieces = composed_pieces(path.coefficients, owners, phases, 3)
     times = np.concatenate([[0.0], np.cumsum(phases[:, 4])])
     motion = Trajectory(tuple(joint_names), times, pieces)
     return SteadyMotion(dilate(motion, *limits), tuple(one.speed for one in stretches))

@@ -199,17 +199,17 @@ def piece_values(coefficients: Array, places: Array, derivative: int) -> Array:
     return value
 
 
-def composed_pieces(path: JointPath, owners: Indices, phases: Array, order: int) -> Array:
+def composed_pieces(coefficients: Array, owners: Indices, phases: Array, order: int) -> Array:
     """Coefficients of q(s(t)), shape (m, n, order d + 1), as ``compose_pieces_kernel`` takes them.
 
     Args:
-        path: Path of degree d.
-        owners: The path's piece of each phase, shape (m,).
+        coefficients: Coefficients of q(s) of degree d, shape (p, n, d + 1).
+        owners: The piece of each phase, shape (m,).
         phases: Rows of the start within the piece and the coefficients of t to t^order of s, shape
             (m, >= order + 1).
         order: Degree of s(t).
     """
-    size = order * (path.coefficients.shape[2] - 1) + 1
-    pieces, work = np.zeros((len(owners), path.n, size)), np.empty((2, size))
-    compose_pieces_kernel(path.coefficients, owners, phases, order, work, pieces)
+    size = order * (coefficients.shape[2] - 1) + 1
+    pieces, work = np.zeros((len(owners), coefficients.shape[1], size)), np.empty((2, size))
+    compose_pieces_kernel(coefficients, owners, phases, order, work, pieces)
     return pieces

@@ -176,7 +176,7 @@ def timed_pieces(
     starts, lengths, before, after = phases[:count].T
     durations = 2.0 * lengths / (before + after)
     rows = np.column_stack([starts, before, 0.5 * (after - before) / durations])
-    return durations, composed_pieces(path, owners[:count], rows, 2)
+    return durations, composed_pieces(path.coefficients, owners[:count], rows, 2)
 
 
 @kernel

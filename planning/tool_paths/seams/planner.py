@@ -258,7 +258,8 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
             transits.append((len(motions), part.transit))
         if first > 0:
             changes.append(first)
-        motions += [_renumber(run, first) for run in part.motions]
+        # Waypoints are counted from the first of the whole seam.
+        motions += [replace(run, asked=tuple(k + first for k in run.asked)) for run in part.motions]
         segments += part.segments
     path = ToolPath(
         tuple(motions),
@@ -313,11 +314,6 @@ def _last_reached(details: Mapping[str, Any]) -> int | None:
         return None
     reached = details.get("reached_waypoint", int(details.get("waypoint", 0)) - 1)
     return int(reached)
-
-
-def _renumber(run: ToolRun, first: int) -> ToolRun:
-    """A run whose waypoints are counted from the first of the whole seam."""
-    return replace(run, asked=tuple(asked + first for asked in run.asked))
 
 
 def _with_advice(failure: Failure, seam: SeamOptions) -> Failure:

@@ -162,9 +162,7 @@ def still(duration: float, factor: float) -> ScaledTime:
 def test_a_spline_does_not_follow_a_path() -> None:
     law = TimeParametrization(timing_method("spline"), np.ones(2), np.full(2, 4.0))
     with pytest.raises(InvalidOption, match="does not follow paths"):
-        TimeParametrization(timing_method("spline"), np.ones(2), np.full(2, 4.0)).time(
-            PATH, ("a", "b")
-        )
+        law.time(PATH, ("a", "b"))
 
 
 def test_only_the_package_tells_what_its_answer_cost() -> None:
