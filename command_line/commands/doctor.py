@@ -63,18 +63,14 @@ def _machine() -> list[Finding]:
 
     chosen = os.environ.get("ARMWRIGHT_KERNEL_TARGET", usual())
     cores = len(os.sched_getaffinity(0))
+    lines = _PROCESSORS.read_text("utf-8").splitlines() if _PROCESSORS.is_file() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return [
         Finding("armwright", "ok", f"{VERSION} in {Path(__file__).parents[1]}"),
         Finding("python", "ok", f"{platform.python_version()} on {platform.platform()}"),
-        Finding("processor", "ok", f"{_processor()}, {cores} cores"),
+        Finding("processor", "ok", f"{(names or [platform.machine()])[0]}, {cores} cores"),
         Finding("kernel target", "ok", chosen),
     ]
-
-
-def _processor() -> str:
-    lines = _PROCESSORS.read_text("utf-8").splitlines() if _PROCESSORS.is_file() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()
 
 
 def _packages() -> list[Finding]:

@@ -14,10 +14,11 @@ from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory, concatenate, stay
 from planning.result import SpeedLimit, ToolMotionReport
+from planning.timing.jerk.jerk_limited import Pieces
 from planning.timing.jerk.steady_speed import speed_caps, time_at_steady_speed
 from planning.timing.parametrization import WORTH, TimeParametrization
 from planning.timing.path.path import JointPath
-from planning.timing.spline.quintic_fit import fit_quintic
+from planning.timing.spline.quintic_fit import even_parts, fit_pieces
 from planning.timing.time_scaling import ScaledTime
 from planning.tool_motions.passing_times import passing_times
 from planning.tool_motions.timed_tool_motions import SpeedBand, TimedToolMotions
@@ -181,11 +182,29 @@ def _reports(
 def _speed_limits(
     chain: Chain, run: ToolRun, path: JointPath, parametrization: TimeParametrization
 ) -> list[SpeedLimit | None]:
-    """Limits below the tool speed that a run without tolerances is to be timed at, part by part."""
+    """The limit of each part of a run that is farthest below the tool speed asked for.
+
+    None where the joints allow the speed all along it, or the run has tolerances.
+    """
     speed, parts = parametrization.tool_speed, run.parts_until(path.length)
     if speed is None or run.tolerances:
         return [None] * len(parts)
-    return speed_limits(chain.joint_names, path, parts, run.length, speed, parametrization)
+    jerk = parametrization.jerk
+    rows = parametrization.velocity, parametrization.acceleration
+    limits = np.stack([*rows, np.full(path.n, np.inf) if jerk is None else jerk])
+    caps = speed_caps(path, limits, 1.0) if jerk is None else speed_caps(path, limits)
+    caps, breaks, found = run.length * caps, path.breaks, list[SpeedLimit | None]()
+    for part in parts:
+        inside = (breaks[1:] > part.begin + _SAME_PLACE) & (breaks[:-1] < part.end - _SAME_PLACE)
+        own = caps[inside]
+        # A limit that allows this part of the speed asked for is none.
+        if not len(own) or not own.min() < 0.99 * speed:
+            found.append(None)
+            continue
+        _, quantity, joint = np.unravel_index(int(np.argmin(own)), own.shape)
+        name = _QUANTITIES[int(quantity)]
+        found.append(SpeedLimit(float(own.min()), chain.joint_names[int(joint)], name))
+    return found
 
 
 def _time_motion(
@@ -298,50 +317,6 @@ def _share_in_band(chain: Chain, motion: Trajectory, low: float) -> float:
     return float(speeds[speeds >= low].sum()) / total if total > 0.0 else 1.0
 
 
-def speed_limits(
-    joint_names: Sequence[str],
-    path: JointPath,
-    parts: Sequence[RunPart],
-    length: float,
-    speed: float,
-    parametrization: TimeParametrization,
-) -> list[SpeedLimit | None]:
-    """The limit of each part of a run that is farthest below the speed asked for.
-
-    Args:
-        joint_names: n names.
-        path: The joint path of the run, by its place.
-        parts: Parts of the run, as far as the path goes.
-        length: Length of the whole run [m].
-        speed: Speed asked for [m/s].
-        parametrization: The limits.
-
-    Returns:
-        One for each part; None where the joints allow the speed all along it.
-    """
-    jerk = parametrization.jerk
-    limits = np.stack(
-        [
-            parametrization.velocity,
-            parametrization.acceleration,
-            np.full(path.n, np.inf) if jerk is None else jerk,
-        ]
-    )
-    caps = length * (speed_caps(path, limits, 1.0) if jerk is None else speed_caps(path, limits))
-    breaks, found = path.breaks, list[SpeedLimit | None]()
-    for part in parts:
-        inside = (breaks[1:] > part.begin + _SAME_PLACE) & (breaks[:-1] < part.end - _SAME_PLACE)
-        own = caps[inside]
-        # A limit that allows this part of the speed asked for is none.
-        if not len(own) or not own.min() < 0.99 * speed:
-            found.append(None)
-            continue
-        _, quantity, joint = np.unravel_index(int(np.argmin(own)), own.shape)
-        name = _QUANTITIES[int(quantity)]
-        found.append(SpeedLimit(float(own.min()), joint_names[int(joint)], name))
-    return found
-
-
 def spline_near(
     chain: Chain,
     run: ToolRun,
@@ -368,16 +343,15 @@ def spline_near(
     # and for the proof's bounds.
     share = 0.5
     allowed = (share * tolerances.pair[0], share * tolerances.pair[1])
-    best = timed
+    best, pieces = timed, Pieces(motion.breaks, motion.coefficients)
     # A spline that takes longer than the motion by this factor is only taken if no other is faster.
     fast = 1.05
     for rate, least in _SPANS:
         count = max(least, math.ceil(rate * motion.duration))
         if count >= len(motion.breaks) - 1:
             break
-        spline = fit_quintic(
-            motion, motion.joint_names, parametrization.jerk_bounds, count, count / motion.duration
-        )
+        parts = even_parts(motion.duration, count, count / motion.duration)
+        spline = fit_pieces(pieces, motion.joint_names, parametrization.jerk_bounds, parts)
         found = spline.trajectory
         longer = found.duration / motion.duration
         if longer > WORTH or (best is not timed and longer > fast):

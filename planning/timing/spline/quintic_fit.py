@@ -25,9 +25,7 @@ import numpy as np
 from compiled.kernel import directly, kernel
 from compiled.simd import LANES, Lanes, fill, lane, load, store
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption
 from kinematics.trajectory.polynomial import sample_kernel
-from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.interior_point import solve_banded_kernel
 from planning.timing.jerk.jerk_limited import Pieces
 from planning.timing.spline.span_loads import (
@@ -216,35 +214,6 @@ _POINTS = 6
 _PLACES = 9
 
 
-def fit_quintic(
-    motion: Trajectory,
-    joint_names: Sequence[str],
-    limits: Array,
-    legs: int,
-    rate: float = SPAN_RATES[0],
-) -> ScaledTime:
-    """The quintic spline near a motion from rest to rest, as fast as its exact peaks allow.
-
-    Args:
-        motion: The motion.
-        joint_names: n names.
-        limits: Limits of velocity (inf where there is none), acceleration and jerk, shape (3, n).
-        legs: Number of the straight legs of its path.
-        rate: Spans for each second of the motion [1/s].
-
-    Returns:
-        The spline, and the factor by which its time was scaled at last.
-
-    Raises:
-        InvalidOption: A limit is not positive, or none bounds the motion.
-    """
-    bounds = np.ascontiguousarray(limits, dtype=np.float64)
-    if not (bounds > 0.0).all():
-        raise InvalidOption("limits must be positive", hint="Give inf where there is none.")
-    pieces = Pieces(motion.breaks, motion.coefficients)
-    return fit_pieces(pieces, joint_names, bounds, even_parts(motion.duration, legs, rate))
-
-
 def even_parts(duration: float, legs: int | None, rate: float) -> Array:
     """Ends of even parts of a motion's time, one for each span of its spline, shape (N + 1,) [s].
 
@@ -268,15 +237,22 @@ def fit_pieces(
     parts: Array,
     loads: SpanLoads | None = None,
 ) -> ScaledTime:
-    """``fit_quintic`` near pieces that nothing has checked, within limits that are positive.
+    """The quintic spline near a motion from rest to rest, as fast as its exact peaks allow.
 
     Args:
-        motion: The pieces.
+        motion: The motion; nothing of it is checked.
         joint_names: n names.
-        limits: Limits of velocity, acceleration and jerk, shape (3, n).
+        limits: Limits of velocity (inf where there is none), acceleration and jerk, positive, shape
+            (3, n).
         parts: Ends of the parts of the motion that the N spans are fitted to, shape (N + 1,) [s].
         loads: Limits that spans are made longer for. They are nearly kept: the motion is as fast as
             the limits of its joints allow.
+
+    Returns:
+        The spline, and the factor by which its time was scaled at last.
+
+    Raises:
+        InvalidOption: No limit bounds the motion.
     """
     n, count = motion.coefficients.shape[1], len(parts) - 1
     breaks, coefficients = parts.copy(), np.empty((count, n, DEGREE + 1))
