@@ -83,6 +83,7 @@ class Query:
         checker: One of the checkers in ``ready``; it proves motions free.
         seed: Seed of everything random.
         deadline: When to stop.
+        limits: Of velocity, acceleration and jerk, as ``estimate_limits`` has them, shape (3, n).
         max_edges: Edges after which trees stop where a path is only preferred; None for no such
             bound.
         bound: Edges after which every planner stops; None for its own bounds.
@@ -95,6 +96,7 @@ class Query:
     checker: Checker
     seed: int
     deadline: Deadline
+    limits: Array
     max_edges: int | None = None
     bound: int | None = None
     explored: Explored | None = None

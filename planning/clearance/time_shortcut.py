@@ -58,8 +58,6 @@ class Step(IntEnum):
 
 #: Steps that are drawn, and those among them that are looked at for clearance, at most.
 _MAX_TRIALS, _MAX_CHECKS = 250, 120
-#: Paths with more waypoints stay as they are.
-MAX_WAYPOINTS = 48
 #: Waypoints that a path may get more, at most.
 _MORE_WAYPOINTS = 8
 
@@ -124,7 +122,7 @@ def quicken(
             afterwards.
     """
     preferred, least = levels[0], levels[-1]
-    if not 2 < len(waypoints) <= MAX_WAYPOINTS:
+    if len(waypoints) < 3:
         return waypoints
     looks, weight = (look_of(least), look_of(least)), 0.0
     if len(levels) > 1:

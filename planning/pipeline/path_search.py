@@ -21,7 +21,7 @@ from planning.clearance.levels import (
     leg_states,
 )
 from planning.clearance.moving_away import join_ends, keep_clear, retreat
-from planning.clearance.time_shortcut import MAX_WAYPOINTS, quicken
+from planning.clearance.time_shortcut import quicken
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.path_constraints import Relaxation, find_relaxation
 from planning.constrained.projected_rrt import Manifold, ProjectedRrt, shortest_along
@@ -373,8 +373,8 @@ class PathSearch:
     ) -> Query:
         options = self.options
         return Query(
-            self.problem, ready, checker, options.seed, until, max_edges, options.max_edges,
-            options.explored, proves,
+            self.problem, ready, checker, options.seed, until, self.limits, max_edges,
+            options.max_edges, options.explored, proves,
         )  # fmt: skip
 
     def _ask_planners(
@@ -469,13 +469,7 @@ class PathSearch:
         if isinstance(checker, ConstrainedChecker):
             return shortest_along(Manifold(checker), waypoints, self.options.seed, self.deadline)
         proved, proof = found.attempt.proved, found.levels[-1] if found.attempt.proved else None
-
-        def shortened(*, cuts: bool) -> Array:
-            return shortcut(checker, waypoints, self.deadline, proof, cuts=cuts, proves=proved)
-
-        # Corners are cut where that saves time when the path is made quicker.
-        short = shortened(cuts=False)
-        short = short if len(short) <= MAX_WAYPOINTS else shortened(cuts=True)
+        short = shortcut(checker, waypoints, proof, proves=proved)
         if self._may_keep_clear(found) or self.deadline.passed:
             return short
         return quicken(found.levels[-1:], short, self.limits, proves=proved)

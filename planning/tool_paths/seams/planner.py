@@ -9,6 +9,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import transform
+from planning.clearance.time_shortcut import quicken
 from planning.options import CartesianOptions
 from planning.planner import Query
 from planning.result import Attempt, Failure
@@ -217,7 +218,8 @@ def _transit(query: Query, start: Array, goal: Array) -> Array | Failure | None:
                 NAME,
                 details={"part": "transit", "seam_start": goal.tolist()},
             )
-        waypoints = shortcut(query.checker, waypoints, deadline)
+        short = shortcut(query.checker, waypoints)
+        waypoints = quicken((query.checker,), short, query.limits)
     return waypoints
 
 

@@ -178,6 +178,19 @@ def test_without_a_preferred_clearance_paths_become_quicker_and_stay_free() -> N
     assert quicken(levels_in(Scene()), straight, LIMITS) is straight
 
 
+def test_paths_of_many_waypoints_become_quicker_too() -> None:
+    scene, _ = grazing_scene()
+    levels, gained = levels_in(scene), []
+    for path in detours(5, scene):
+        legs = (np.linspace(a, b, 20, endpoint=False) for a, b in pairwise(path))
+        many = np.concatenate([*legs, path[-1:]])
+        quick = quicken(levels, many, LIMITS)
+        assert all(levels[-1].free(a, b) for a, b in pairwise(quick))
+        gained.append(seconds(quick) / seconds(many))
+    assert max(gained) <= 1.0
+    assert min(gained) < 1.0
+
+
 RNG = np.random.default_rng(3)
 
 

@@ -270,7 +270,7 @@ def query(scene: Scene, *, constrained: bool = False, seconds: float = 20.0) -> 
         spare = np.zeros(len(rows.rows))
         checker = ConstrainedChecker(checker.model, 0.0, constraints=rows, spare=spare)
     ready = Ready(START, [GOAL], (checker,), ())
-    return Query(problem(scene), ready, checker, 3, Deadline.after(seconds))
+    return Query(problem(scene), ready, checker, 3, Deadline.after(seconds), np.ones((3, 2)))
 
 
 def chosen(planner: str, options: Mapping[str, Any] | None = None) -> list[str]:
@@ -327,7 +327,7 @@ def test_the_fallback_has_its_turn_with_the_exact_robot_only() -> None:
     exact = query(SHUT)
     assert trees.plan(exact).detail == "300 edges checked. OMPL: Nothing."
     ready = Ready(START, [GOAL], (exact.checker, Checker.of(slider(), SHUT)), ())
-    in_hulls = Query(exact.problem, ready, exact.checker, 3, Deadline.after(20.0))
+    in_hulls = Query(exact.problem, ready, exact.checker, 3, exact.deadline, exact.limits)
     assert trees.plan(in_hulls).detail == "200 edges checked."
     assert fallback.queries == 1
 
