@@ -71,9 +71,7 @@ def with_field(entries: Entries, number: int, name: str, value: Any) -> Entries:
         name: Name of the field.
         value: New value; None leaves the field to the service.
     """
-    entry = {key: item for key, item in entries[number].items() if key != name}
-    if value is not None:
-        entry[name] = value
+    entry = dict(with_option(entries[number], name, value))
     return (*entries[:number], entry, *entries[number + 1 :])
 
 
@@ -118,14 +116,11 @@ class StudioState:
 
     def with_setting(self, path: str, value: Any) -> "StudioState":
         """The state with a setting changed; None leaves the field to the service."""
-        settings = {name: item for name, item in self.settings.items() if name != path}
-        if value is not None:
-            settings[path] = value
-        return replace(self, settings=MappingProxyType(settings))
+        return replace(self, settings=with_option(self.settings, path, value))
 
     def with_finger(self, joint: str, position: float) -> "StudioState":
         """The state with a joint of the gripper elsewhere [rad or m]."""
-        return replace(self, fingers=MappingProxyType({**self.fingers, joint: position}))
+        return replace(self, fingers=with_option(self.fingers, joint, position))
 
     def with_obstacle(self, obstacle: Obstacle) -> "StudioState":
         """The state with an obstacle added, or put in place of the one of its id."""
@@ -142,10 +137,7 @@ class StudioState:
 
     def with_attached(self, obstacle_id: str, link: str | None) -> "StudioState":
         """The state with an obstacle carried by a link, or by nothing."""
-        attached = {name: item for name, item in self.attached.items() if name != obstacle_id}
-        if link is not None:
-            attached[obstacle_id] = link
-        return replace(self, attached=MappingProxyType(attached))
+        return replace(self, attached=with_option(self.attached, obstacle_id, link))
 
     def free_id(self, kind: str) -> str:
         """An id that no obstacle has: "box_1"."""

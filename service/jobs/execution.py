@@ -22,6 +22,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.types import ASGIApp
 
 from service.access.authentication import Caller
+from service.fields import picked
 from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
 from service.http.state import JobContext
 from service.jobs.replay import Replayed, replay
@@ -121,13 +122,7 @@ class Event:
 
 def describe(record: JobRecord, kind: str, error: bytes | None = None) -> Event:
     """The event that tells where a job stands now."""
-    data: dict[str, Any] = {
-        "id": record.id,
-        "status": record.status,
-        "progress": record.progress,
-        "stage": record.stage,
-    }
-    text = to_json(data)
+    text = to_json(picked(record, "id", "status", "progress", "stage"))
     if error is not None:
         text = text[:-1] + b',"error":' + error + b"}"
     return Event(record.event, kind, text)

@@ -214,15 +214,8 @@ def _refine(body: schema.Refine | bool | None) -> RefineOptions | None:
 
 def stages_answer(stages: Sequence[StageReport]) -> list[dict[str, Any]]:
     """Reports of the stages on the wire."""
-    return [
-        {
-            "name": stage.name,
-            "outcome": stage.outcome,
-            "milliseconds": stage.milliseconds,
-            "detail": stage.detail or None,
-        }
-        for stage in stages
-    ]
+    names = ("name", "outcome", "milliseconds")
+    return [picked(stage, *names) | {"detail": stage.detail or None} for stage in stages]
 
 
 def plain(values: Mapping[str, Any]) -> dict[str, Any]:

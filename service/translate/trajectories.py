@@ -10,6 +10,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain, Limits
 from kinematics.trajectory.trajectory import MAX_DEGREE, Trajectory, interpolate
+from service.fields import picked
 
 #: Samples of one answer: at a kilobyte each, a hundred megabytes.
 _MAX_SAMPLES = 100_000
@@ -29,17 +30,13 @@ def trajectory(body: schema.TrajectoryBody, chain: Chain) -> tuple[Trajectory, f
         return _from_segments(body.segments, chain, order), body.segments[0].t0
     samples = body.samples
     assert samples is not None
-    rows = [
+    position, *rates = (
         None if given is None else _columns(given, name, chain, order)
-        for name, given in (
-            ("position", samples.position),
-            ("velocity", samples.velocity),
-            ("acceleration", samples.acceleration),
-        )
-    ]
-    assert rows[0] is not None
+        for name, given in picked(samples, "position", "velocity", "acceleration").items()
+    )
+    assert position is not None
     times, names = np.array(samples.time), chain.joint_names
-    made = interpolate(names, times, rows[0], body.interpolation or "", rows[1], rows[2])
+    made = interpolate(names, times, position, body.interpolation or "", *rates)
     return made, samples.time[0]
 
 

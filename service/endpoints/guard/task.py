@@ -36,6 +36,7 @@ from planning.timing.jerk.state_to_state import JointState
 from planning.values.limits import MotionLimits
 from service.endpoints.attached_objects import robot_in_scene
 from service.endpoints.plan.task import check_solids
+from service.fields import picked
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, timings, trajectories
 from service.workers.result import SessionReply, SessionState, TaskProblem, validation_fault
@@ -186,16 +187,12 @@ def _propose(gate: Guard, step: GuardStep, scene: object) -> dict[str, Any]:
 
 
 def _state(body: GuardState, chain: Chain) -> JointState:
-    rows = [
+    position, *rates = (
         None if given is None else chain.configuration(given, f"state.{name}")
-        for name, given in (
-            ("positions", body.positions),
-            ("velocities", body.velocities),
-            ("accelerations", body.accelerations),
-        )
-    ]
-    assert rows[0] is not None
-    return JointState(rows[0], rows[1], rows[2])
+        for name, given in picked(body, "positions", "velocities", "accelerations").items()
+    )
+    assert position is not None
+    return JointState(position, *rates)
 
 
 def _proposal(body: ProposalBody, chain: Chain) -> Proposal:

@@ -4,7 +4,7 @@ Solutions and refusals of inverse kinematics as answers give them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -206,6 +206,17 @@ def fits_batch(body: IkRequest) -> bool:
     return body.method in _METHODS and not body.constraints and one_each
 
 
+def _options(body: IkRequest) -> IkOptions:
+    """Options of one solution, the best within all limits."""
+    return IkOptions(
+        method=cast(Method, body.method),
+        seed=body.seed,
+        ranking=body.choice,
+        parameters=body.parameters,
+        axes=AXES if body.axes is None else body.axes,
+    )
+
+
 def solve_batch(
     chain: Chain, body: IkRequest, targets: Sequence[Pose]
 ) -> list[dict[str, Any] | None]:
@@ -225,13 +236,7 @@ def solve_batch(
         return [None] * len(targets)
     if body.choice != "nearest" and (body.method == "numeric" or not closed):
         return [None] * len(targets)  # a choice among several, of which a batch finds one
-    options = IkOptions(
-        method=cast(Method, body.method),
-        seed=body.seed,
-        ranking=body.choice,
-        parameters=body.parameters,
-        axes=AXES if body.axes is None else body.axes,
-    )
+    options = _options(body)
     T = np.array([poses.transform(target) for target in targets])
     solutions = inverse_kinematics_batch(
         chain,
@@ -470,15 +475,11 @@ def _solve(query: _Query, pose: Pose) -> IkResult:
     # The first that a search finds is the best for none but the seed.
     if query.check is not None or (body.choice != "nearest" and not closed):
         count = max(count, _CANDIDATES_CLOSED if closed else _CANDIDATES_SEARCHED)
-    options = IkOptions(
-        method=cast(Method, body.method),
-        seed=body.seed,
+    options = replace(
+        _options(body),
         most=count,
-        ranking=body.choice,
         outside_limits=body.all_solutions,
         all_turns=body.all_turns,
-        parameters=body.parameters,
-        axes=AXES if body.axes is None else body.axes,
     )
     target = poses.transform(pose)
     return inverse_kinematics(chain, target, options, link=body.link, seed_joints=body.seed_joints)

@@ -462,7 +462,8 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
     Raises:
         InvalidRobotDescription: The archive or what is in it is not valid.
     """
-    urdf_path, srdf_path = (_text(fields.get(name)) for name in ("urdf_path", "srdf_path"))
+    paths = map(fields.get, ("urdf_path", "srdf_path"))
+    urdf_path, srdf_path = (None if path is None else str(path) for path in paths)
     archive = read_archive(content, urdf_path, srdf_path)
     # Meshes for display can be many times larger than those for collisions.
     colliding = _collision_files(archive.urdf, fields.get("visual_solids") is True)
@@ -486,14 +487,10 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
     return document, prepare_robot(document, folder, notes)
 
 
-def _text(value: object) -> str | None:
-    return None if value is None else str(value)
-
-
 def _collision_files(urdf: str, visual_solids: bool) -> set[str]:
     """Names, without folders, of the mesh files that links collide with."""
     description = parse_urdf(urdf)
     if visual_solids:
         description = with_visual_solids(description, read_visuals(urdf))
     solids = (part.geometry for link in description.links.values() for part in link.collisions)
-    return {part.uri.rpartition("/")[2] for part in solids if isinstance(part, MeshGeometry)}
+    return {_file(part.uri) for part in solids if isinstance(part, MeshGeometry)}

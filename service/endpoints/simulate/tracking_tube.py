@@ -13,6 +13,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.proof.certificate import Certificate, certify
 from planning.values.deadline import Deadline
+from service.fields import picked
 from tracking.simulation.integrators.global_error import LOST
 from tracking.simulation.result import SimulationOutcome, SimulationResult
 from tracking.tube.tube import Displacement, limit_uses, tube
@@ -284,14 +285,9 @@ def _numbers(left: Remaining) -> str:
 
 
 def _remaining_answer(left: Remaining) -> dict[str, Any]:
-    return {
-        "clearance": left.clearance,
-        "pair": left.pair,
-        "displacement": left.displacement,
-        "displaced_link": left.displaced,
-        "seen_from": left.seen_from,
-        "remaining": left.distance,
-    }
+    told = picked(left, "clearance", "pair", "displacement")
+    more = {"displaced_link": left.displaced, "seen_from": left.seen_from}
+    return told | more | {"remaining": left.distance}
 
 
 def _tracked_clearance(

@@ -47,6 +47,7 @@ from service.endpoints.tasks.stage_cells import (
     stage_robots,
     task_objects,
 )
+from service.fields import picked
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, problems, timings, trajectories
@@ -224,24 +225,13 @@ def _answer(outcome: SequencePlan, whole: _Asked) -> dict[str, Any]:
         "duration": outcome.duration,
         "stages": stages,
         **_trials_answer(outcome.trials),
-        "improvements": [
-            {"milliseconds": step.milliseconds, "duration": step.duration}
-            for step in outcome.improvements
-        ],
+        "improvements": [picked(step, "milliseconds", "duration") for step in outcome.improvements],
         "exhausted": outcome.exhausted,
         "failure": None
         if failure is None
-        else {
-            "code": failure.code,
-            "message": failure.message,
-            "hint": failure.hint,
-            "index": failure.stage,
-        },
+        else picked(failure, "code", "message", "hint") | {"index": failure.stage},
         "reproducibility": reproducibility(
-            body,
-            asked.world.robot,
-            asked.world.scene,
-            deterministic=outcome.deterministic,
+            body, asked.world.robot, asked.world.scene, deterministic=outcome.deterministic
         ),
     }
 
@@ -318,13 +308,8 @@ def _failure_details(asked: Task, failure: SequenceFailure) -> dict[str, Any]:
 def _trials_answer(trials: tuple[Trial, ...]) -> dict[str, Any]:
     return {
         "trials": [
-            {
-                "choices": list(trial.choices),
-                "stage": trial.stage,
-                "outcome": trial.outcome,
-                "reasons": dict(trial.reasons),
-                "joints": None if trial.joints is None else trial.joints.tolist(),
-            }
+            picked(trial, "choices", "stage", "outcome", "reasons")
+            | {"joints": None if trial.joints is None else trial.joints.tolist()}
             for trial in trials[:_MAX_TRIALS]
         ],
         "trials_omitted": max(len(trials) - _MAX_TRIALS, 0),

@@ -120,7 +120,7 @@ _CANCEL = (
     .values(status="cancelled", ended=bindparam("now"), event=jobs.c.event + 1, request=None)
     .returning(*RECORD)
 )
-_CANCEL_CHUNKS = delete(jobs).where(jobs.c.parent == bindparam("of_id"))
+_DELETE_CHUNKS = delete(jobs).where(jobs.c.parent == bindparam("of_id"))
 _CHUNK, _BATCH = jobs.alias("chunk"), jobs.alias("batch")
 _SIZE_OF_CHUNKS = (
     select(func.sum(func.length(_CHUNK.c.answer)))
@@ -220,7 +220,7 @@ class JobStore:
         with self._database.transaction() as connection:
             row = connection.execute(_CANCEL, {"of_id": job_id, "now": ended}).one_or_none()
             if row is not None:  # else they may be its answer
-                connection.execute(_CANCEL_CHUNKS, {"of_id": job_id})
+                connection.execute(_DELETE_CHUNKS, {"of_id": job_id})
         return None if row is None else JobRecord(*row)
 
     def adopt(self, limit: int) -> list[JobRecord]:
@@ -384,7 +384,6 @@ _OPEN_CHUNKS = (
 #: For the driver itself, which answers bytes as bytes if asked to, and else as text of twice the
 #: length.
 _CHUNKS = b"SELECT first, size, status, answer FROM jobs WHERE parent = %s ORDER BY first"
-_DELETE_CHUNKS = delete(jobs).where(jobs.c.parent == bindparam("of_id"))
 _DONE = select(func.sum(jobs.c.progress * jobs.c.size)).where(jobs.c.parent == bindparam("of_id"))
 
 
