@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from ruckig import InputParameter, Profile, Result, Ruckig
+from ruckig import InputParameter, Result, Ruckig
 from ruckig import Synchronization as RuckigSynchronization
 from ruckig import Trajectory as Phases
 
@@ -270,23 +270,27 @@ def _trajectory(
 ) -> Trajectory:
     """All joints' phases on common breaks, each joint integrated from its start."""
     length, unit = scales
-    rows = [_joint_phases(profile, total / unit) for profile in phases.profiles[0]]
     joints = []
-    for k, (durations, scaled) in enumerate(rows):
-        jerks = scaled * length[k] / unit**3
-        polished = _polish(durations * unit, jerks, states[0][:, k], states[1][:, k])
-        joints.append((polished, jerks))
+    for k, profile in enumerate(phases.profiles[0]):
+        durations, scaled = np.array(profile.t), np.array(profile.j)
+        long_enough = durations > _NO_LENGTH * (total / unit)
+        jerks = scaled[long_enough] * length[k] / unit**3
+        given = durations[long_enough] * unit
+        joints.append((_polish(given, jerks, states[0][:, k], states[1][:, k]), jerks))
     ends = [np.cumsum(durations) for durations, _ in joints]
     times = np.unique(np.concatenate([[0.0], *ends]))
     times = times[times <= total * (1.0 - _NO_LENGTH)]
     times = np.append(times[np.append(True, np.diff(times) > _NO_LENGTH * total)], total)
     middles = 0.5 * (times[1:] + times[:-1])
+    # After its last phase a joint has no jerk.
+    jerks_at = np.array(
+        [np.append(js, 0.0)[end.searchsorted(middles)]
+         for (_, js), end in zip(joints, ends, strict=True)]
+    )  # fmt: skip
     coefficients = np.empty((len(middles), len(names), 4))
     q, v, a = states[0]
     for i, h in enumerate(np.diff(times)):
-        j = np.array(
-            [_jerk(js, end, middles[i]) for (_, js), end in zip(joints, ends, strict=True)]
-        )
+        j = jerks_at[:, i]
         coefficients[i] = np.column_stack([q, v, 0.5 * a, j / 6.0])
         q = q + (v + (0.5 * a + j * h / 6.0) * h) * h
         v = v + (a + 0.5 * j * h) * h
@@ -332,17 +336,3 @@ def _polish(durations: Array, jerks: Array, start: Array, end: Array) -> Array:
         step = np.linalg.lstsq(matrix / size[:, None], missing / size, rcond=1e-10)[0]
         durations = durations + np.clip(step, -0.5 * durations, None)
     return durations
-
-
-def _joint_phases(profile: Profile, total: float) -> tuple[Array, Array]:
-    """Durations and jerks of one joint's phases that have a length, both (m,)."""
-    durations = np.asarray(profile.t, dtype=np.float64)
-    jerks = np.asarray(profile.j, dtype=np.float64)
-    long_enough = durations > _NO_LENGTH * total
-    return durations[long_enough], jerks[long_enough]
-
-
-def _jerk(jerks: Array, ends: Array, time: float) -> float:
-    """Jerk of one joint at a time inside a phase; 0 after its last one."""
-    i = int(np.searchsorted(ends, time))
-    return float(jerks[i]) if i < len(jerks) else 0.0

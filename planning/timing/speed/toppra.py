@@ -177,16 +177,13 @@ class _Section:
             JointAccelerationConstraint(np.column_stack([-ones, ones])),
         ]
         if self._effort is not None:
-            constraints.append(_EffortConstraint(*self._effort_rows(self._effort)))
+            q, q1, q2 = self._derivatives
+            found = knot_limits(self._effort, q, q1, q2, self._guess)
+            unit = self._length / self._time
+            # (a, b) of a u + b x <= 1 at the grid points, and caps of x.
+            rows = found.rows[:, :, :2] * np.array([unit / self._time, unit**2])
+            constraints.append(_EffortConstraint(rows, found.caps / unit**2))
         return constraints
-
-    def _effort_rows(self, effort: EffortLimits) -> tuple[Array, Array]:
-        """(a, b) of a u + b x <= 1 at the grid points, shape (N + 1, r, 2), and caps of x."""
-        q, q1, q2 = self._derivatives
-        found = knot_limits(effort, q, q1, q2, self._guess)
-        unit = self._length / self._time
-        scales = np.array([unit / self._time, unit**2])
-        return found.rows[:, :, :2] * scales, found.caps / unit**2
 
 
 class _EffortConstraint(LinearConstraint):
