@@ -66,7 +66,6 @@ def draw(folder: Path) -> None:
             page.write_bytes(client.get(f"/v1/plans/{answer.json()['plan_id']}/view").content)
             shown = browser.new_page(viewport=SIZE)
             shown.goto(page.as_uri())
-            shown.check("#show-ghosts")
             shown.evaluate(f"setTime({share} * motion.duration)")
             shown.select_option("#curve", index=1)
             shown.evaluate(f"view.zoom({zoom})")
