@@ -138,7 +138,7 @@ def legs_kernel(
         The number of the phases.
     """
     coefficients, along = path.coefficients, np.empty(3)
-    used, first = 0, 0
+    used, first, whole = 0, 0, given[:, 4].sum()
     while first < given.shape[0]:
         piece, last, time, count = owners[first], first, 0.0, 0
         while last < given.shape[0] and owners[last] == piece:
@@ -156,8 +156,10 @@ def legs_kernel(
             finish = speed, 2.0 * end[2] + 6.0 * end[3] * end[4]
             length = path.breaks[piece + 1] - path.breaks[piece]
             count = moving_leg_kernel(start, finish, length, along, phases[used:])
-            # What is found on the grid may be that much too fast between its knots.
-            if phases[used : used + count, 4].sum() > 1.01 * time:
+            # What is found on the grid may be that much too fast between its knots. A phase that is
+            # this short in a long motion is lost in the rounding of its time.
+            made = phases[used : used + count, 4]
+            if made.sum() > 1.01 * time or (made < 1e-12 * whole).any():
                 count = 0
         if count == 0:
             count = last - first
