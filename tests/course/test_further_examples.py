@@ -9,7 +9,6 @@ import pytest
 from tests.course.example import ROUNDING, ask, pose_matrix
 from tests.course.robots import A1, A2, ELBOW_A1, ELBOW_D1, ELBOW_D2, I_BOB, RRR_D1, revolute
 
-RRR_STATE = ([0.4, -0.6, 1.1], [0.7, -0.3, 0.5])
 PLANAR_STATE = ([0.5, -0.8], [1.2, -0.7], [0.3, 2.0])
 CART_STATE = ([0.3, 0.6], [0.7, -1.1], [0.4, 0.9])
 
@@ -156,6 +155,8 @@ def test_beyond_the_triangle_of_the_links_there_is_no_solution(service: httpx.Cl
     D = (far**2 - a2**2 - d4**2) / (2.0 * a2 * d4)
     assert D > 1.0
     assert answer.json()["details"]["out_of_reach_by"] == pytest.approx(0.25, abs=1e-9)
+    assert "out of reach by 0.25 m" in answer.json()["detail"]
+    assert "|D| > 1" in answer.json()["hint"]
 
 
 # ---------------------------------------------------------------------------- lectures 18 to 20

@@ -1,6 +1,5 @@
 """Collision checks and projections over HTTP, and requests about meshes of every make."""
 
-import base64
 from typing import Any
 
 import httpx
@@ -21,7 +20,6 @@ from tests.service.robots import (
     HOME,
     POST,
     answer,
-    bench,
     problem,
     scene,
     solid,
@@ -220,12 +218,6 @@ def mesh(form: Mesh, name: str, position: list[float]) -> dict[str, Any]:
     return solid(name, "mesh", position, vertices=form[0], faces=form[1])
 
 
-def obj(form: Mesh) -> str:
-    lines = [f"v {x} {y} {z}" for x, y, z in form[0]]
-    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in form[1]]
-    return base64.b64encode("\n".join(lines).encode()).decode()
-
-
 OBSTACLES = {
     "elbow": mesh(elbow(), "elbow", [0.0, 0.0, 0.0]),
     "ring": mesh(ring(0.1), "ring", [0.0, 0.0, 0.0]),
@@ -236,47 +228,6 @@ OBSTACLES = {
     "dome": solid("dome", "cone", [0.0, 0.0, 0.0], radius=0.1, height=0.2),
     "floor": solid("floor", "halfspace", [0.0, 0.0, 0.0], normal=[0, 0, 1], offset=0.0),
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def bent(served: Any) -> str:
-    """A stored arm whose first link is no convex mesh, and whose second is a fine one."""
-    links = bench("bent")
-    links["urdf"] = links["urdf"].replace(
-        '<box size="0.08 0.08 0.2"/>', '<mesh filename="package://meshes/ring.obj"/>'
-    )
-    links["meshes"] = {
-        "package://meshes/box.obj": obj(elbow()),
-        "package://meshes/ring.obj": obj(ring(0.08)),
-    }
-    answer(served.client.post("/v1/robots", json=links), 201)
-    return "bent"
-
-
-def at(name: str, z: float) -> dict[str, Any]:
-    obstacle = OBSTACLES[name]
-    return scene(obstacle | {"pose": {"position": [0.0, 0.0, z]}})
-
-
-def check_of_meshes(client: httpx.Client, robot: str, place: dict[str, Any], joints: Any) -> Any:
-    body = {"robot": robot, "scene": place, "joints": joints}
-    return answer(client.post("/v1/check", json=body))
-
-
-@pytest.mark.parametrize("name", ["elbow", "ring", "sheet", "pebble", "cloud"])
-@pytest.mark.parametrize("planner", ["auto", "rrt_connect", "potential_field"])
-def test_motions_beside_meshes_are_planned_and_proved(
-    client: httpx.Client, bent: str, name: str, planner: str
-) -> None:
-    obstacle = OBSTACLES[name] | {"pose": {"position": [0.45, 0.0, 0.5]}}
-    body = {
-        "robot": bent, "scene": scene(obstacle), "planner": planner,
-        "start": {"joints": [-0.6, 0.2]}, "goal": {"joints": [-1.2, -0.4]},
-    }  # fmt: skip
-    plan = answer(client.post("/v1/plan", json=body))
-    assert plan["certificate"]["verified"] is True
-    motion = {"robot": bent, "scene": body["scene"], "trajectory": plan["trajectory"]}
-    assert answer(client.post("/v1/validate", json=motion))["verified"] is True
 
 
 @pytest.mark.parametrize("name", list(OBSTACLES))

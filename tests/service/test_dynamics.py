@@ -4,9 +4,7 @@ from typing import Any
 
 import httpx
 import numpy as np
-import pinocchio as pin
 import pytest
-from scipy.linalg import solve_continuous_lyapunov
 
 from armwright_wire.motions.simulation import SimulateAnswer
 from armwright_wire.robots.dynamics import DynamicsAnswer, RegressorAnswer, WrenchAnswer
@@ -17,7 +15,6 @@ from kinematics.calibration.calibrate import poses_of, with_corrections
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain, builtin_srdf, builtin_urdf
 from tests.dynamics.identification.logs import exciting, real_arm
-from tests.dynamics.samples import pinocchio_model
 from tests.kinematics.calibration.test_maker_file import FILE
 from tests.service.poses import matrix
 from tests.service.robots import HOME, POST, answer, bench, problem, scene
@@ -139,20 +136,6 @@ URL = "/v1/robots/panda/forward-dynamics"
 TORQUES = [1.0, -20.0, 3.0, 15.0, 0.5, 1.0, -0.2]
 
 
-@pytest.mark.parametrize("count", [1, 40])
-def test_accelerations_are_those_of_pinocchio(client: httpx.Client, count: int) -> None:
-    chain = builtin_chain("panda")
-    model = pinocchio_model(chain)
-    model.armature, model.damping = chain.motor_inertia.copy(), np.zeros(7)
-    q, qd, torque = np.random.default_rng(count).uniform(-1, 1, (3, count, 7))
-    body = {"joints": q.tolist(), "velocities": qd.tolist(), "torques": torque.tolist()}
-    found = answer(client.post(URL, json=body))["accelerations"]
-    for k, row in enumerate(found):
-        pushed = torque[k] - chain.viscous_friction * qd[k]
-        expected = pin.aba(model, model.createData(), q[k], qd[k], pushed)
-        np.testing.assert_allclose(row, expected, rtol=1e-9, atol=1e-9)
-
-
 def test_forward_and_inverse_dynamics_agree_with_motors_payload_and_wrench(
     client: httpx.Client,
 ) -> None:
@@ -163,27 +146,6 @@ def test_forward_and_inverse_dynamics_agree_with_motors_payload_and_wrench(
     found = answer(client.post(URL, json=model | {"torques": TORQUES}))["accelerations"]
     back = client.post("/v1/robots/panda/dynamics", json=model | {"accelerations": found})
     np.testing.assert_allclose(answer(back)["torques"], TORQUES, atol=1e-9)
-
-
-def test_christoffel_symbols_and_partial_jacobians_are_answered_on_request(
-    client: httpx.Client,
-) -> None:
-    body: dict[str, Any] = {"joints": HOME, "velocities": RATES}
-    plain = answer(client.post("/v1/robots/panda/dynamics", json=body))
-    assert plain["christoffel_symbols"] is None
-    assert plain["partial_jacobians"] is None
-    body |= {"christoffel_symbols": True, "partial_jacobians": True}
-    one = answer(client.post("/v1/robots/panda/dynamics", json=body))
-    C = np.einsum("ijk,i->kj", one["christoffel_symbols"], RATES)
-    np.testing.assert_allclose(C, plain["coriolis_matrix"], atol=1e-12)
-    names = [row["joint"] for row in one["partial_jacobians"]]
-    assert names == list(builtin_chain("panda").joint_names)
-    body |= {"joints": [HOME] * 2, "velocities": [RATES] * 2}
-    many = answer(client.post("/v1/robots/panda/dynamics", json=body))
-    assert np.shape(many["christoffel_symbols"]) == (2, 7, 7, 7)
-    for first, both in zip(one["partial_jacobians"], many["partial_jacobians"], strict=True):
-        np.testing.assert_array_equal(both["linear"][1], first["linear"])
-        np.testing.assert_array_equal(both["angular"][0], first["angular"])
 
 
 #: Four skew axes with offsets everywhere: half a second of algebra and more.
@@ -249,14 +211,6 @@ def test_a_form_is_examined(client: httpx.Client) -> None:
     assert found["rates"] == pytest.approx([-0.25, -1.0])
     assert found["notes"] == []
     assert found["poles"][0] == pytest.approx({"real": -0.5, "imaginary": -np.sqrt(0.75)})
-
-
-def test_the_equation_is_solved(client: httpx.Client) -> None:
-    found = answer(client.post("/v1/lyapunov", json={"A": SPRING, "Q": [[1, 0], [0, 1]]}))
-    expected = solve_continuous_lyapunov(np.array(SPRING).T, -np.eye(2))
-    np.testing.assert_allclose(found["P"]["matrix"], expected, atol=1e-14)
-    assert found["verdict"] == "asymptotically_stable"
-    assert (found["values"], found["rates"]) == (None, None)
 
 
 def test_a_form_that_is_not_symmetric_is_told(client: httpx.Client) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio
 import pytest
 
-from kinematics.robots import builtin_chain, builtin_urdf
 from tests.service.robots import answer, problem, solid
 
 
@@ -161,6 +160,22 @@ class Peer:
             found[frozenset((a[0], b[0]))] = distance
         return found
 
+    def off_the_seam(self, samples: dict[str, Any], begins: float) -> float:
+        """How far the torch is off the seam on the turning plate at most [m]."""
+        torch, plate = (self.model.getFrameId(name) for name in ("torch", "plate"))
+        way, worst = np.array(SEAM), 0.0
+        for time, joints in zip(samples["time"], samples["position"], strict=True):
+            q = np.zeros(self.model.nq)
+            q[self.order] = joints
+            pinocchio.framesForwardKinematics(self.model, self.data, q)
+            T = self.data.oMf[plate].actInv(self.data.oMf[torch])
+            off, ways = T.translation - way[:-1], np.diff(way, axis=0)
+            s = np.clip((off * ways).sum(axis=1) / (ways**2).sum(axis=1), 0.0, 1.0)
+            if time >= begins:
+                worst = max(worst, float(np.linalg.norm(off - s[:, None] * ways, axis=1).min()))
+                assert -T.rotation[2, 2] >= math.cos(0.2 + 1.1e-3)
+        return worst
+
     def least(self, samples: dict[str, Any]) -> tuple[float, frozenset[str]]:
         """The least distance of a motion [m], and of which pair."""
         return min(
@@ -190,12 +205,13 @@ def test_a_post_beside_the_arm_is_kept_clear_of(client: httpx.Client, way: str) 
         found = plan(client, "cell", POST, WALL, GROUND)
     else:
         found = plan(client, "cell_with_post", WALL, GROUND)
-    samples = found["trajectory"]["samples"]
+    samples, peer = found["trajectory"]["samples"], Peer(POST, WALL, GROUND)
+    assert peer.off_the_seam(samples, found["tool_motions"][0]["begins"]) <= 1.1e-4
     moved = np.ptp(np.array(samples["position"]), axis=0)
     assert moved[0] > 1.0
     assert moved[1:].max() > 0.3
     proved = found["certificate"]["min_clearance"]
-    true, _ = Peer(POST, WALL, GROUND).least(samples)
+    true, _ = peer.least(samples)
     assert 0.0 < proved <= true + 1e-6
     assert proved >= true - 1e-4
     again = validate(client, found, POST, WALL, GROUND)
@@ -247,81 +263,3 @@ def test_a_half_space_on_a_link_is_refused_with_the_cure(client: httpx.Client) -
     document = problem(client.post("/v1/plan", json=body), 422, "INVALID_SCENE")
     assert "'ground' is a half-space" in document["detail"]
     assert "box" in document["hint"]
-
-
-ARM = builtin_chain("ur5e")
-TURNTABLE = builtin_urdf("ur5e").replace(
-    "</robot>",
-    f"""<link name="floor"/><link name="work"/>
-<joint name="table" type="revolute"><parent link="floor"/><child link="work"/>
-<origin xyz="0.6 0 0.2"/><axis xyz="0 0 1"/>
-<limit lower="-6.2" upper="6.2" velocity="2" effort="1000"/></joint>
-<joint name="stand" type="fixed"><parent link="floor"/><child link="{ARM.base_link}"/></joint>
-</robot>""",
-)
-CIRCLE = [[0.2 * math.cos(a), 0.2 * math.sin(a), 0.0] for a in np.linspace(0.0, 3.0, 24)]
-#: Stands on the floor beside the turntable.
-STANDING = solid("post", "cylinder", [0.6, 0.45, 0.3], radius=0.03, height=0.6) | {
-    "link": "floor",
-    "touch_links": [],
-}
-ON_THE_TABLE: dict[str, Any] = {
-    "robot": "turned_cell",
-    "start": {"joints": [0.0, 0.2, -1.2, 1.5, -1.9, -1.57, 0.2]},
-    "planner": "cartesian",
-    "planner_options": {
-        "waypoints": [{"point": p, "normal": [0, 0, 1], "frame": "work"} for p in CIRCLE],
-        "tolerance": {"tilt": 0.2},
-        "tool_speed": 0.2,
-    },
-    "attached": [STANDING],
-    "timeout": 20.0,
-}
-
-
-@pytest.fixture
-def cell(client: httpx.Client) -> Iterator[dict[str, Any]]:
-    body = {
-        "name": "turned_cell", "urdf": TURNTABLE, "base_link": "work",
-        "joint_limits": {"*": {"acceleration": 8.0, "jerk": 500.0}},
-    }  # fmt: skip
-    yield answer(client.post("/v1/robots", json=body), 201)
-    client.delete("/v1/robots/turned_cell")
-
-
-def test_a_seam_on_the_turntable_is_followed(client: httpx.Client, cell: dict[str, Any]) -> None:
-    assert cell["joint_names"] == ["table", *ARM.joint_names]
-    assert (cell["frame"], cell["base_link"], cell["tip_link"]) == ("work", "work", ARM.tip_link)
-    assert any("table moves over the ground" in line for line in cell["lint"])
-    found = answer(client.post("/v1/plan", json=ON_THE_TABLE | {"timing": {"sample_period": 0.02}}))
-    assert found["certificate"]["verified"]
-    assert found["frame"] == "work"
-    model = pinocchio.buildModelFromXML(TURNTABLE)
-    data = model.createData()
-    order = [model.joints[model.getJointId(name)].idx_q for name in cell["joint_names"]]
-    samples = found["trajectory"]["samples"]
-    begins, way, turned = found["tool_motions"][0]["begins"], np.array(CIRCLE), []
-    for time, values in zip(samples["time"], samples["position"], strict=True):
-        q = np.zeros(model.nq)
-        q[order] = values
-        pinocchio.framesForwardKinematics(model, data, q)
-        tip, work = (data.oMf[model.getFrameId(link)] for link in (ARM.tip_link, "work"))
-        post = np.array([0.6, 0.45])
-        assert np.hypot(*(tip.translation[:2] - post)) > 0.03
-        if time >= begins:
-            T = work.actInv(tip)
-            off, ways = T.translation - way[:-1], np.diff(way, axis=0)
-            s = np.clip((off * ways).sum(axis=1) / (ways**2).sum(axis=1), 0.0, 1.0)
-            assert np.linalg.norm(off - s[:, None] * ways, axis=1).min() <= 1.1e-4
-            assert -T.rotation[2, 2] >= math.cos(0.2 + 1.1e-3)
-            turned.append(values[0])
-    assert np.ptp(turned) > 0.5
-
-
-@pytest.mark.usefixtures("cell")
-def test_what_moves_over_the_work_is_no_frame_for_poses(client: httpx.Client) -> None:
-    document = problem(
-        client.post("/v1/plan", json=ON_THE_TABLE | {"frame": "floor"}), 422, "INVALID_LINK_NAME"
-    )
-    assert "'floor' moves with the arm" in document["detail"]
-    assert "base_link 'floor'" in document["hint"]

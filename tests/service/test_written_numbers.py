@@ -86,22 +86,6 @@ def test_a_matrix_that_is_no_rotation_is_refused_with_the_cure(
         assert "three decimals" in detail
 
 
-def test_the_nearest_rotation_is_what_is_solved_for(client: httpx.Client) -> None:
-    for seed in range(8):
-        rows = written(seed, 4)
-        answer = client.post(
-            "/v1/robots/panda/ik",
-            json={"pose": {"position": POSITION, "rotation_matrix": rows}, "seed_joints": HOME},
-        ).json()
-        joints = answer["solutions"][0]["joints"]
-        reached = client.post("/v1/robots/panda/fk", json={"joints": joints}).json()["pose"]
-        # scipy projects a matrix onto the nearest rotation by its own code.
-        nearest = Rotation.from_matrix(np.array(rows))
-        away = (nearest.inv() * Rotation.from_quat(reached["quaternion_xyzw"])).magnitude()
-        assert away <= 2e-6
-        assert (nearest.inv() * Rotation.from_matrix(rotation(seed))).magnitude() <= 3e-4
-
-
 def test_a_transform_is_taken_wherever_a_pose_is(client: httpx.Client) -> None:
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = written(2, 4), POSITION

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.judges.fcl import FclJudge
 from benchmarks.planning.scale import room
-from benchmarks.verdict import clutter, judge, wrong
+from benchmarks.verdict import clutter, judge
 from kinematics.arrays import Array
 from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker, Motion
@@ -449,20 +449,6 @@ def test_fcl_finds_no_collision_on_a_proved_edge_among_meshes(seed: int) -> None
         near = checker.clearance(start)[0]
         seen["in a hull"] += motion.free and 0.0 < near < 0.1
     assert min(seen.values()) > 3
-
-
-@pytest.mark.parametrize("name", builtin_names())
-def test_no_verdict_differs_from_fcl(name: str) -> None:
-    robot = builtin(name)
-    random = np.random.default_rng(51)
-    lower, upper = robot.chain.sampling_bounds()
-    reach = float(np.linalg.norm(robot.chain.offsets[:, :3, 3], axis=1).sum()) + 0.1
-    for scene in (clutter(random, reach), clutter(random, reach)):
-        checker, states = Checker.of(robot, scene), random.uniform(lower, upper, (60, len(lower)))
-        verdicts = judge(checker, states)
-        assert wrong(checker, FclJudge(robot, scene), states, verdicts)[1] == 0
-        assert set(verdicts) <= {FREE, COLLIDING}
-        assert [checker.valid(q) for q in states] == list(verdicts == FREE)
 
 
 def test_a_cloud_is_as_many_balls() -> None:

@@ -23,8 +23,6 @@ from tests.planning.fcl_sweep import sweep
 from tests.planning.proof.sweeping import start_sweep
 from tests.planning.scenes import box, builtin
 
-UP = np.array([0.0, 0.0, 1.0])
-
 
 def unlimited(robot: RobotGeometry) -> RobotGeometry:
     """The same robot without limits: only collisions are of interest here."""

@@ -1,5 +1,6 @@
 """Caches, prepared files and scenes as workers keep them."""
 
+import base64
 import os
 from collections import OrderedDict
 from pathlib import Path
@@ -26,7 +27,7 @@ from service.translate import poses
 from tests.planning.scenes import builtin
 from tests.service.conftest import Served
 from tests.service.robots import HOME, answer, bench, scene
-from tests.service.test_check import elbow, obj
+from tests.service.test_check import Mesh, elbow
 
 
 def random_scene(count: int = 100) -> Scene:
@@ -123,6 +124,14 @@ def test_bytes_and_numbers_are_bounded(puts: list[tuple[int, int]]) -> None:
 
 #: The file that hangs on a chain's name and limits, not on solids alone.
 GRID = 1
+
+
+def obj(form: Mesh) -> str:
+    lines = [f"v {x} {y} {z}" for x, y, z in form[0]]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in form[1]]
+    return base64.b64encode("\n".join(lines).encode()).decode()
+
+
 #: An elbow that no other test has: the files of its solids are not there.
 LARGE_ELBOW = [[1.37 * x for x in corner] for corner in elbow()[0]], elbow()[1]
 ELBOW_ROBOT = {
