@@ -1,6 +1,7 @@
 """The error tree of the whole application: one base, one class a kind of caller's fault."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -32,6 +33,33 @@ class ArmwrightError(Exception):
     def __reduce__(self) -> tuple[object, ...]:
         # A process pool sends errors back pickled, which a mapping proxy can't be.
         return _restore, (type(self), self.message, self.hint, dict(self.details))
+
+
+@contextmanager
+def located(
+    where: str,
+    *kinds: type[ArmwrightError],
+    kind: type[ArmwrightError] | None = None,
+    unless: str | None = None,
+    details: Mapping[str, Any] = MappingProxyType({}),
+) -> Iterator[None]:
+    """Put a place before the messages of errors that are raised within.
+
+    Args:
+        where: Place in the request, or name of the object.
+        kinds: Kinds of errors that are meant; every kind if left out.
+        kind: Kind that they become; the own kind if left out.
+        unless: Text of messages that say the place already.
+        details: Details that are added.
+    """
+    try:
+        yield
+    except ArmwrightError as error:
+        if (kinds and not isinstance(error, kinds)) or (unless and unless in error.message):
+            raise
+        made = kind or type(error)
+        message, known = f"{where}: {error.message}", {**error.details, **details}
+        raise made(message, hint=error.hint, **known) from None
 
 
 def _restore(

@@ -7,7 +7,7 @@ import numpy as np
 
 from armwright_wire.goals import goal as schema
 from kinematics.arrays import Array
-from kinematics.errors import InvalidGoal, InvalidPose
+from kinematics.errors import InvalidGoal, InvalidPose, located
 from kinematics.model.chain import Chain
 from kinematics.pose import from_quaternion
 from planning.constraints.constraint_set import ConstraintSet
@@ -60,13 +60,10 @@ def constraint_set(
 
 
 def _constraint_at(i: int, body: schema.Constraint, chain: Chain) -> Constraint:
-    try:
+    where = f"constraints[{i}] ({body.type})"
+    with located(where, InvalidGoal, InvalidPose, kind=InvalidGoal, details={"constraint": i}):
         made = constraint(body)
         made.rows(chain)
-    except (InvalidGoal, InvalidPose) as error:
-        details = dict(error.details) | {"constraint": i}
-        message = f"constraints[{i}] ({body.type}): {error.message}"
-        raise InvalidGoal(message, hint=error.hint, **details) from None
     return made
 
 

@@ -13,7 +13,7 @@ from armwright_wire import pose as pose_schema
 from armwright_wire.scenes import scene as scene_schema
 from kinematics import pose as rotation
 from kinematics.arrays import Array
-from kinematics.errors import InvalidScene
+from kinematics.errors import InvalidScene, located
 from kinematics.rounding import TOLD, asymmetry, check_rotation
 from obstacles.meshes import mesh
 from obstacles.projection.projection import without_points
@@ -168,17 +168,6 @@ def frame_of(pose: pose_schema.Pose) -> str | None:
 
 
 def _obstacle(item: scene_schema.Obstacle) -> Obstacle:
-    try:
-        return Obstacle(
-            item.id,
-            shape(item.shape),
-            transform(item.pose),
-            item.margin or 0.0,
-            frame_of(item.pose),
-        )
-    except InvalidScene as error:
-        if repr(item.id) in error.message:
-            raise
-        raise InvalidScene(
-            f"obstacle {item.id!r}: {error.message}", hint=error.hint, **error.details
-        ) from None
+    with located(f"obstacle {item.id!r}", InvalidScene, unless=repr(item.id)):
+        placed = shape(item.shape), transform(item.pose)
+        return Obstacle(item.id, *placed, item.margin or 0.0, frame_of(item.pose))

@@ -8,7 +8,7 @@ import numpy as np
 from armwright_wire.goals import tool_motion as schema
 from armwright_wire.goals.tool_motion import CartesianOptions
 from kinematics.arrays import Array
-from kinematics.errors import InvalidGoal, InvalidOption
+from kinematics.errors import InvalidGoal, InvalidOption, located
 from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.root_frame import TOOL, frame_pose
@@ -104,10 +104,8 @@ def _freed(box: ToolTolerance, axes: Collection[str], where: str) -> ToolToleran
         if axis in axes:
             most = np.inf if axis in ROTATIONS else MAX_POSITION
             lower[k], upper[k] = -most, most
-    try:
+    with located(f"{where}.free", InvalidOption):
         return replace(box, lower=lower, upper=upper)
-    except InvalidOption as error:
-        raise InvalidOption(f"{where}.free: {error.message}", hint=error.hint) from None
 
 
 def tolerance(given: schema.ToolTolerance | None, chain: Chain, where: str) -> ToolTolerance:
@@ -130,10 +128,8 @@ def tolerance(given: schema.ToolTolerance | None, chain: Chain, where: str) -> T
         axes = frame_pose(chain, given.frame, None, f"{where}.frame")[:3, :3]
     names: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
     ranges = {name: tuple(getattr(given, name)) for name in names if getattr(given, name)}
-    try:
+    with located(where, InvalidOption):
         return ToolTolerance.of(ranges, tuple(given.free), given.tilt, axes)
-    except InvalidOption as error:
-        raise InvalidOption(f"{where}: {error.message}", hint=error.hint) from None
 
 
 def _offset(given: schema.StraightOffset | None) -> StraightOffset | None:

@@ -15,7 +15,7 @@ from armwright_wire.robots.reach import ReachTolerance
 from armwright_wire.scenes.check import Attached
 from armwright_wire.scenes.tool import HeldTip
 from kinematics.arrays import Array
-from kinematics.errors import ArmwrightError, InvalidOption
+from kinematics.errors import InvalidOption, located
 from kinematics.pose import transform
 from kinematics.tree.srdf import state
 from obstacles.robots.grasps import (
@@ -114,12 +114,9 @@ class _Translator:
 
     def stage(self, k: int, body: schema.SingleStage) -> Stage:
         """Stage ``k``, its faults told with its number."""
-        try:
+        details = {"index": k, "kind": body.kind, "name": body.name}
+        with located(f"stages[{k}] ({body.kind})", details=details):
             return self._stage(k, body)
-        except ArmwrightError as error:
-            details = dict(error.details) | {"index": k, "kind": body.kind, "name": body.name}
-            message = f"stages[{k}] ({body.kind}): {error.message}"
-            raise type(error)(message, hint=error.hint, **details) from None
 
     def _stage(self, k: int, body: schema.SingleStage) -> Stage:
         settings = self._settings(body)

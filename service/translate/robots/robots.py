@@ -16,7 +16,7 @@ from dynamics.model.payload import with_bodies
 from kinematics.arrays import Array
 from kinematics.calibration.calibrate import with_corrections
 from kinematics.calibration.maker_file import with_origins
-from kinematics.errors import InvalidRobotDescription, InvalidScene
+from kinematics.errors import InvalidRobotDescription, InvalidScene, located
 from kinematics.ik.closed_form.structure import classify_wrist
 from kinematics.model.chain import Chain, JointType
 from kinematics.model.dh import DhRow, DhTable, dh_from_chain
@@ -233,10 +233,8 @@ def _solids(dh: schema.DhTable) -> list[list[LinkSolid]]:
 
 
 def _solid(body: schema.LinkSolid, where: str) -> LinkSolid:
-    try:
+    with located(where, InvalidScene, kind=InvalidRobotDescription):
         shape = poses.shape(body.shape)
-    except InvalidScene as error:
-        raise InvalidRobotDescription(f"{where}: {error.message}", hint=error.hint) from None
     return LinkSolid(shape, np.eye(4) if body.pose is None else poses.transform(body.pose))
 
 

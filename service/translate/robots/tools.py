@@ -10,7 +10,7 @@ from armwright_wire.pose import Pose
 from armwright_wire.scenes import tool as schema
 from dynamics.model.payload import inertia
 from kinematics.arrays import Array
-from kinematics.errors import ArmwrightError, InvalidOption
+from kinematics.errors import InvalidOption, located
 from kinematics.model.chain import Inertia
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.tool import PART, Jaw, Solid, Tool, built_in_tool, mount, with_tip
@@ -80,13 +80,8 @@ def tool(body: schema.NamedTool) -> Tool:
     Raises:
         ArmwrightError: A pose, a solid, the mass or a number is malformed; the message says which.
     """
-    try:
+    with located(f"tool {body.name!r}", unless=repr(body.name)):
         return _tool(body)
-    except ArmwrightError as error:
-        if repr(body.name) in error.message:
-            raise
-        message = f"tool {body.name!r}: {error.message}"
-        raise type(error)(message, hint=error.hint, **error.details) from None
 
 
 def _tool(body: schema.NamedTool) -> Tool:
