@@ -170,19 +170,12 @@ def _start(
         for j in range(waypoints.shape[1]):
             way.points[k, j] = waypoints[k, j]
     if not spacious:
-        _write_shortfalls(model, work, bounds, way, count)
+        points, look = way.points, bounds.preferred
+        looked = at_margins(model, look.margin, look.own_margin)
+        for k in range(count - 1):
+            deficit = line_deficit(looked, work, points[k], points[k + 1], _SPACING, np.inf)
+            way.shortfall[k] = deficit
     return count
-
-
-@kernel(allocates=False)
-def _write_shortfalls(
-    model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, count: int
-) -> None:
-    """Write what each leg lacks."""
-    points, look = way.points, bounds.preferred
-    looked = at_margins(model, look.margin, look.own_margin)
-    for k in range(count - 1):
-        way.shortfall[k] = line_deficit(looked, work, points[k], points[k + 1], _SPACING, np.inf)
 
 
 @kernel(allocates=False)

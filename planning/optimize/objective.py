@@ -106,7 +106,7 @@ def _time_model(_task: Task, iterate: Iterate) -> Model:
 def _jerk_value(trajectory: Trajectory, _loaded_chain: Chain) -> float:
     if trajectory.continuity().acceleration > JERK_JUMP:
         return np.inf
-    times, weights = _nodes(trajectory, trajectory.degree)
+    times, weights = _gauss(trajectory.breaks, max(trajectory.degree, 1))
     return float(weights @ np.square(trajectory.sample(times, 3)).sum(axis=1))
 
 
@@ -131,7 +131,7 @@ def _jerk_model(_task: Task, iterate: Iterate) -> Model:
 
 
 def _energy_value(trajectory: Trajectory, loaded_chain: Chain) -> float:
-    times, weights = _nodes(trajectory, _NODES)
+    times, weights = _gauss(trajectory.breaks, _NODES)
     states = (trajectory.sample(times, order) for order in range(3))
     return float(weights @ np.square(inverse_dynamics(loaded_chain, *states)).sum(axis=1))
 
@@ -139,7 +139,7 @@ def _energy_value(trajectory: Trajectory, loaded_chain: Chain) -> float:
 def _energy_model(task: Task, iterate: Iterate) -> Model:
     T, n = iterate.duration, iterate.points.shape[1]
     assert task.loaded_chain is not None
-    places, weights = _shares(iterate)
+    places, weights = _gauss(np.asarray(iterate.space.breaks), _NODES)
     found = torques(task.loaded_chain, iterate, places)
     # Residuals sqrt(T w) tau, one row a joint and place.
     root = np.repeat(np.sqrt(T * weights), n)
@@ -154,12 +154,12 @@ def _energy_model(task: Task, iterate: Iterate) -> Model:
 
 
 def _length_value(trajectory: Trajectory, _loaded_chain: Chain) -> float:
-    times, weights = _nodes(trajectory, 2 * _NODES)
+    times, weights = _gauss(trajectory.breaks, 2 * _NODES)
     return float(weights @ np.linalg.norm(trajectory.sample(times, 1), axis=1))
 
 
 def _length_model(_task: Task, iterate: Iterate) -> Model:
-    places, weights = _shares(iterate)
+    places, weights = _gauss(np.asarray(iterate.space.breaks), _NODES)
     B, n = iterate.space.matrix(places, 1), iterate.points.shape[1]
     # A speed [rad] below which a motion counts as standing still in its path's length.
     speeds = np.maximum(np.linalg.norm(B @ iterate.points, axis=1), 1e-3)
@@ -174,14 +174,14 @@ def _length_model(_task: Task, iterate: Iterate) -> Model:
 
 
 def _soft_value(trajectory: Trajectory, soft: ConstraintSet) -> float:
-    times, weights = _nodes(trajectory, _NODES)
+    times, weights = _gauss(trajectory.breaks, _NODES)
     violated = np.maximum(soft.residuals(trajectory.sample(times)), 0.0)
     return 0.5 * float(weights @ (violated**2 @ soft.weights))
 
 
 def _soft_model(soft: ConstraintSet, iterate: Iterate) -> Model:
     T = iterate.duration
-    places, weights = _shares(iterate)
+    places, weights = _gauss(np.asarray(iterate.space.breaks), _NODES)
     residuals, J = soft.evaluate(iterate.sample(places))
     k, i = np.nonzero(residuals > 0.0)
     # Residuals sqrt(T w w_i) r_i, those that are violated.
@@ -201,18 +201,11 @@ def _about(H: Any, gradient: Array, iterate: Iterate) -> Model:
 
 
 def _gauss(breaks: Array, count: int) -> tuple[Array, Array]:
+    """Places and weights of a Gauss-Legendre rule with ``count`` places in each piece."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     half = 0.5 * np.diff(breaks)[:, None]
     places = breaks[:-1, None] + half * (nodes + 1.0)
     return places.ravel(), (half * weights).ravel()
-
-
-def _shares(iterate: Iterate) -> tuple[Array, Array]:
-    return _gauss(np.asarray(iterate.space.breaks), _NODES)
-
-
-def _nodes(trajectory: Trajectory, count: int) -> tuple[Array, Array]:
-    return _gauss(trajectory.breaks, max(count, 1))
 
 
 _VALUES: Mapping[Objective, Callable[[Trajectory, Chain], float]] = MappingProxyType(
