@@ -122,12 +122,19 @@ class Pieces(NamedTuple):
 
 @kernel
 def legs_kernel(
-    path: Pieces, limits: Array, given: Array, owners: Indices, phases: Array, whose: Indices
+    breaks: Array,
+    coefficients: Array,
+    limits: Array,
+    given: Array,
+    owners: Indices,
+    phases: Array,
+    whose: Indices,
 ) -> int:
     """Write phases with those of straight pieces in closed form, where that is no slower.
 
     Args:
-        path: Breaks and coefficients of the path.
+        breaks: Breaks of the path, shape (p + 1,).
+        coefficients: Coefficients of the path, shape (p, n, d + 1).
         limits: Limits of velocity, acceleration and jerk, shape (3, n).
         given: Phases, their starts along their pieces, shape (M, 5).
         owners: The path's piece of each, shape (M,).
@@ -137,24 +144,27 @@ def legs_kernel(
     Returns:
         The number of the phases.
     """
-    coefficients, along = path.coefficients, np.empty(3)
+    along = np.empty(3)
     used, first, whole = 0, 0, given[:, 4].sum()
     while first < given.shape[0]:
         piece, last, time, count = owners[first], first, 0.0, 0
         while last < given.shape[0] and owners[last] == piece:
             time += given[last, 4]
             last += 1
-        if not coefficients[piece, :, 2:].any():
+        bend = 0.0
+        along[:] = np.inf
+        for joint in range(coefficients.shape[1]):
+            for k in range(2, coefficients.shape[2]):
+                bend = max(bend, abs(coefficients[piece, joint, k]))
             for row in range(3):
-                along[row] = np.inf
-                for joint in range(coefficients.shape[1]):
-                    limit = limits[row, joint] / abs(coefficients[piece, joint, 1])
-                    along[row] = min(along[row], limit)
+                limit = limits[row, joint] / abs(coefficients[piece, joint, 1])
+                along[row] = min(along[row], limit)
+        if bend == 0.0:
             begin, end = given[first], given[last - 1]
             start = begin[1], 2.0 * begin[2]
             speed = end[1] + (2.0 * end[2] + 3.0 * end[3] * end[4]) * end[4]
             finish = speed, 2.0 * end[2] + 6.0 * end[3] * end[4]
-            length = path.breaks[piece + 1] - path.breaks[piece]
+            length = breaks[piece + 1] - breaks[piece]
             count = moving_leg_kernel(start, finish, length, along, phases[used:])
             # What is found on the grid may be that much too fast between its knots. A phase that is
             # this short in a long motion is lost in the rounding of its time.
@@ -322,8 +332,7 @@ def _curved_phases(
         return phases, owners
     size = len(phases) + MAX_PHASES + 2
     made_phases, whose = np.empty((size, 5)), np.empty(size, dtype=np.int64)
-    own = Pieces(path.breaks, path.coefficients)
-    used = legs_kernel(own, limits, phases, owners, made_phases, whose)
+    used = legs_kernel(path.breaks, path.coefficients, limits, phases, owners, made_phases, whose)
     return made_phases[:used], whose[:used]
 
 
