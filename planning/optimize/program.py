@@ -10,7 +10,6 @@ Source: "On the implementation of an interior-point filter line-search algorithm
 nonlinear programming", Mathematical Programming, 2006.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import casadi
@@ -35,41 +34,28 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Limits:
-    """Limits of the derivatives of a spline.
-
-    Args:
-        values: Values by order, each (n,).
-        hair: Share of the limits that is left unused.
-    """
-
-    values: dict[int, Array]
-    hair: float
-
-
 def solve(
-    space: SplineSpace, limits: Limits, rows: Rows, quadratic: Quadratic, start: Array
+    space: SplineSpace, limits: dict[int, Array], rows: Rows, quadratic: Quadratic, start: Array
 ) -> Array | None:
     """The unknowns (N n + 2,) where IPOPT ends; None where they do not keep the rows.
 
     Args:
         space: Space of the splines.
-        limits: Limits of the spline's derivatives.
+        limits: Limits of the spline's derivatives by order, shape (n,) each.
         rows: All others.
         quadratic: Objective and bounds of the unknowns; its rows do not count.
         start: The unknowns to begin with.
     """
-    n = len(next(iter(limits.values.values())))
+    n = len(next(iter(limits.values())))
     H = sparse.csc_matrix(quadratic.H)
     H.sort_indices()
     piece, slot = _places(space, rows.A, n)
     room = _ROOM * (1 + int(slot.max(initial=0)) // _ROOM)
     pattern = (tuple(H.indptr.tolist()), tuple(H.indices.tolist()))
-    solver = _program(space, n, tuple(limits.values), room, pattern)
+    solver = _program(space, n, tuple(limits), room, pattern)
     W, lower, upper = _pack_rows(space, rows, n, (piece, slot, room))
-    shares = np.concatenate([(1.0 - limits.hair) * value for value in limits.values.values()])
-    held = 2 * n * sum(space.count - order for order in limits.values)
+    shares = np.concatenate(list(limits.values()))
+    held = 2 * n * sum(space.count - order for order in limits)
     answer = solver(
         x0=start,
         p=np.concatenate([H.data, quadratic.g, shares, W]),

@@ -187,7 +187,7 @@ class Descent:
         if self.options.solver == "piqp":
             return problem, problem.solve()
         start = np.append(iterate.points.ravel(), [iterate.duration, 0.0])
-        limits = program.Limits(dict(task.orders), hair)
+        limits = {order: (1.0 - hair) * value for order, value in task.orders.items()}
         none = Rows.below(sparse.csr_matrix((0, len(g))), np.zeros(0))
         return problem, program.solve(
             iterate.space, limits, stack_rows([none, *others]), problem, start

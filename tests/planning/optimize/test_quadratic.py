@@ -7,7 +7,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 
 from kinematics.arrays import Array
 from planning.optimize.linearization import Rows
-from planning.optimize.program import Limits, solve
+from planning.optimize.program import solve
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.spline import SplineSpace
 
@@ -118,7 +118,8 @@ def least_time(way: float, hair: float, rows: Rows = NO_ROWS) -> float:
 @pytest.mark.parametrize("way", [0.1, 1.0, 3.0])
 @pytest.mark.parametrize("hair", [0.0, 0.05])
 def test_the_least_time_is_that_of_linear_programs(way: float, hair: float) -> None:
-    limits = Limits({1: np.array([VELOCITY]), 2: np.array([ACCELERATION])}, hair)
+    share = 1.0 - hair
+    limits = {1: np.array([share * VELOCITY]), 2: np.array([share * ACCELERATION])}
     z = solve(SPACE, limits, NO_ROWS, from_rest_to_rest(way), guess(way))
     assert z is not None
     assert z[-2] == pytest.approx(least_time(way, hair), rel=1e-4)
@@ -141,7 +142,7 @@ def test_rows_are_kept_wherever_on_the_motion_they_are() -> None:
     A[59, -2:] = -1.0, -1.0
     upper = np.concatenate([A[:58, :-2] @ base + 0.02, [-1.9, -2.0]])
     rows = Rows.below(csr_matrix(A), upper)
-    limits = Limits({1: np.array([VELOCITY]), 2: np.array([ACCELERATION])}, 0.0)
+    limits = {1: np.array([VELOCITY]), 2: np.array([ACCELERATION])}
     z = solve(SPACE, limits, rows, from_rest_to_rest(way, 0.0), guess(way))
     assert z is not None
     assert (A @ z - upper).max() <= 1e-5
@@ -153,5 +154,5 @@ def test_rows_that_contradict_each_other_have_no_solution() -> None:
     A = np.zeros((2, SIZE))
     A[:, 4] = 1.0
     rows = Rows(csr_matrix(A), np.array([0.8, -np.inf]), np.array([np.inf, 0.2]))
-    limits = Limits({1: np.array([VELOCITY]), 2: np.array([ACCELERATION])}, 0.0)
+    limits = {1: np.array([VELOCITY]), 2: np.array([ACCELERATION])}
     assert solve(SPACE, limits, rows, from_rest_to_rest(1.0), guess(1.0)) is None
