@@ -118,10 +118,6 @@ class StudioState:
         """The state with a setting changed; None leaves the field to the service."""
         return replace(self, settings=with_option(self.settings, path, value))
 
-    def with_finger(self, joint: str, position: float) -> "StudioState":
-        """The state with a joint of the gripper elsewhere [rad or m]."""
-        return replace(self, fingers=with_option(self.fingers, joint, position))
-
     def with_obstacle(self, obstacle: Obstacle) -> "StudioState":
         """The state with an obstacle added, or put in place of the one of its id."""
         ids = [item.id for item in self.obstacles]

@@ -225,7 +225,8 @@ class Workbench:
             joint: Joint of the gripper.
             position: [rad or m].
         """
-        self._change(self.state.with_finger(joint, position), f"finger {joint}")
+        fingers = with_option(self.state.fingers, joint, position)
+        self._change(replace(self.state, fingers=fingers), f"finger {joint}")
 
     def goal_tip(self) -> Pose:
         """The pose of the tip at the goal, in the root frame."""

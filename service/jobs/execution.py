@@ -72,11 +72,6 @@ def waiting_again(record: JobRecord) -> JobRecord:
     return replace(record, status="queued", progress=0.0, stage=None, started=None)
 
 
-def next_attempt(record: JobRecord) -> JobRecord:
-    """The record of a job that waits again, since the server died that worked on it."""
-    return replace(waiting_again(record), attempt=record.attempt + 1)
-
-
 def lost_job() -> ProblemError:
     """The problem of a job that ran each time that a server died."""
     return ProblemError(
@@ -496,7 +491,8 @@ class JobExecution:
     async def _take(self, record: JobRecord, deadline: float) -> LiveJob:
         """Queue a job that no other server has; if it has lost its last attempt, it has failed."""
         ran = record.status == "running"
-        live = LiveJob(next_attempt(record) if ran else record, deadline, 0)
+        waits = replace(waiting_again(record), attempt=record.attempt + 1) if ran else record
+        live = LiveJob(waits, deadline, 0)
         live.stored = True
         self._live[record.id] = live
         if live.record.attempt > MAX_ATTEMPTS:

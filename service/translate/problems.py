@@ -74,8 +74,8 @@ def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene) -> Pro
         _least_clearance(body),
         body.start_state_tolerance,
         constraints=constraint_set(body.constraints, robot.chain),
-        start_velocity=_rates(body.start.velocities),
-        start_acceleration=_rates(body.start.accelerations),
+        start_velocity=array_or_none(body.start.velocities),
+        start_acceleration=array_or_none(body.start.accelerations),
     )
 
 
@@ -91,7 +91,8 @@ def clearance_answer(report: ClearanceReport) -> dict[str, Any]:
     return told | {"spans": [asdict(span) for span in report.spans]}
 
 
-def _rates(given: Sequence[float] | None) -> Array | None:
+def array_or_none(given: Sequence[Any] | None) -> Array | None:
+    """An array of numbers that may be left out."""
     return None if given is None else np.array(given, dtype=np.float64)
 
 
@@ -109,7 +110,7 @@ def single_goal(body: goal_schema.SingleGoal, chain: Chain, where: str) -> Goal:
     """
     if body.joints is not None:
         q = chain.configuration(body.joints, where)
-        return JointGoal(q, _rates(body.velocities), _rates(body.accelerations))
+        return JointGoal(q, array_or_none(body.velocities), array_or_none(body.accelerations))
     assert body.pose is not None
     given = {
         name: getattr(body, name)

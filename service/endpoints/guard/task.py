@@ -19,7 +19,6 @@ from armwright_wire.plans.guard import (
 )
 from armwright_wire.plans.guard import Proposal as ProposalBody
 from armwright_wire.scenes.scene import Scene as SceneBody
-from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from obstacles.scenes.scene import Scene
 from planning.guard.gate import Guard, Running, Verdict
@@ -38,7 +37,7 @@ from service.endpoints.attached_objects import robot_in_scene
 from service.endpoints.plan.task import check_solids
 from service.fields import picked
 from service.storage.caches.cache_key import Reference
-from service.translate import certificates, poses, timings, trajectories
+from service.translate import certificates, poses, problems, timings, trajectories
 from service.workers.result import SessionReply, SessionState, TaskProblem, validation_fault
 from service.workers.task import GRACE, task
 
@@ -201,7 +200,10 @@ def _proposal(body: ProposalBody, chain: Chain) -> Proposal:
     if body.samples is not None:
         assert body.period is not None
         assert body.interpolation is not None
-        rows = (_rows(one) for one in (body.samples, body.velocities, body.accelerations))
+        rows = (
+            problems.array_or_none(one)
+            for one in (body.samples, body.velocities, body.accelerations)
+        )
         positions, velocities, accelerations = rows
         assert positions is not None
         return SamplesProposal(
@@ -211,10 +213,6 @@ def _proposal(body: ProposalBody, chain: Chain) -> Proposal:
     if body.joint_velocities is not None:
         return VelocityProposal(np.array(body.joint_velocities), body.duration)
     return TwistProposal(np.array(body.twist), body.duration, body.link)
-
-
-def _rows(given: Any) -> Array | None:
-    return None if given is None else np.array(given, dtype=np.float64)
 
 
 def _answer(gate: Guard, verdict: Verdict, scene: str | None) -> dict[str, Any]:
