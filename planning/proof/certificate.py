@@ -277,10 +277,22 @@ def certify_limits(
     )
 
 
+@typed
 def with_path(
     certificate: Certificate, motion: Trajectory, waypoints: ArrayLike, tolerance: float
 ) -> Certificate:
-    """The certificate of a motion that is to keep near a path too: see ``path_nearness``."""
+    """The certificate of a motion that is to keep near a path too.
+
+    Args:
+        certificate: Its certificate without the path.
+        motion: The motion.
+        waypoints: Those of the path, shape (k, n), k >= 1 [rad or m].
+        tolerance: Largest distance of any joint from the straight lines through them [rad or m].
+
+    Raises:
+        InvalidTrajectory: The waypoints are not finite or not of the joints of the motion.
+        InvalidOption: An argument is of another type, or the tolerance is not positive.
+    """
     near, wrong = path_nearness(motion, waypoints, tolerance)
     if wrong is None:
         return replace(certificate, path=near)
