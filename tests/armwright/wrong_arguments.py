@@ -24,7 +24,7 @@ CUP = aw.Obstacle("cup", aw.Sphere(0.1), aw.pose([0.0, 0.0, 1.0]), frame="tool")
 SCENE = aw.Scene([BALL])
 T = aw.fk(ROBOT, GOAL)
 MOTION = aw.retime(STATES, ROBOT).trajectory
-PLAN = aw.plan(ROBOT, aw.Scene(), Q, GOAL)
+PLAN = cast(aw.Plan, aw.plan(ROBOT, aw.Scene(), Q, GOAL))
 HELD = aw.Attachment(BALL, "link_2")
 TOLERANCE = aw.ToolTolerance(-np.full(6, 0.01), np.full(6, 0.01))
 SEAM = aw.SeamOptions((aw.SeamWaypoint(T), aw.SeamWaypoint(aw.fk(ROBOT, GOAL + 0.1))), TOLERANCE)
