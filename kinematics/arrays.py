@@ -4,9 +4,10 @@ An argument of another type is refused by name, with what to give.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields
 from functools import cache, wraps
 from inspect import signature
-from types import NoneType, UnionType
+from types import MappingProxyType, NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -151,6 +152,23 @@ def frozen(values: ArrayLike) -> Array:
         array = as_numbers(values, "what is given")  # which tells what is wrong
     array.setflags(write=False)
     return array
+
+
+class Remade:
+    """A frozen dataclass that pickles as its arguments: it arrives checked and read-only too."""
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        arguments = (item.name for item in fields(self) if item.init)  # type: ignore[arg-type]
+        return type(self), tuple(_plain(getattr(self, name)) for name in arguments)
+
+
+def _plain(value: Any) -> Any:
+    """A value with a dictionary in place of a read-only mapping, which can't be pickled."""
+    if not isinstance(value, MappingProxyType):
+        return value
+    return {key: _plain(item) for key, item in value.items()}
 
 
 def as_numbers(values: ArrayLike, name: str) -> Array:

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.arrays import Array, Indices, frozen
+from kinematics.arrays import Array, Indices, Remade, frozen
 from kinematics.errors import InvalidLinkName, InvalidRobotState, MissingLimit
 
 
@@ -179,7 +179,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Chain:
+class Chain(Remade):
     """A serial robot arm as a handful of arrays (n joints, in order from base to tip).
 
     Args:
@@ -268,9 +268,6 @@ class Chain:
 
     def __hash__(self) -> int:
         return hash(self.content_hash)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return Chain, tuple(getattr(self, f.name) for f in fields(self) if f.init)
 
     def joint_of(self, body: int) -> str:
         """Name of the joint that moves a body, one of the chain's or a mimic joint."""

@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, Remade, frozen
 from kinematics.errors import InvalidNumbers, InvalidOption, InvalidTrajectory
 from kinematics.trajectory.polynomial import (
     extrema_kernel,
@@ -59,7 +59,7 @@ class Continuity(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trajectory:
+class Trajectory(Remade):
     """Joint positions over time, q_j(t) = sum_k c_ijk (t - b_i)^k for b_i <= t <= b_(i+1).
 
     Args:
@@ -118,9 +118,6 @@ class Trajectory:
 
     def __hash__(self) -> int:
         return hash(self.content_hash)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return Trajectory, (self.joint_names, self.breaks, self.coefficients)
 
     @property
     def degree(self) -> int:

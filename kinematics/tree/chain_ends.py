@@ -163,7 +163,7 @@ def _below_free_joints(description: RobotDescription, tip: str) -> str:
         InvalidRobotDescription: No joint below such a joint moves, or one above it does: a chain
             that began below it would not be the arm.
     """
-    way = _way_to_root(description, tip)
+    way = description.way_to_root(tip)
     free = next((k for k, joint in enumerate(way) if joint.type in _FREE), None)
     if free is None:
         return description.root
@@ -208,20 +208,11 @@ def _up_and_down(
     description: RobotDescription, base: str, tip: str
 ) -> tuple[list[JointDescription], list[JointDescription]]:
     """Joints from the base up to the link that base and tip hang on, and from there to the tip."""
-    up, down = _way_to_root(description, base), _way_to_root(description, tip)
+    up, down = description.way_to_root(base), description.way_to_root(tip)
     while up and down and up[-1] is down[-1]:
         up.pop()
         down.pop()
     return up, down[::-1]
-
-
-def _way_to_root(description: RobotDescription, link: str) -> list[JointDescription]:
-    """Joints from a link up to the root."""
-    path: list[JointDescription] = []
-    while (joint := description.parent_joint(link)) is not None:
-        path.append(joint)
-        link = joint.parent
-    return path
 
 
 def _check_joint(joint: JointDescription, base: str, tip: str) -> None:

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TypeAlias
 
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, Remade, frozen
 from kinematics.model.chain import Inertia
+from kinematics.pose import from_axis_angle, transform
 
 #: The joint types of URDF; the last two are read but can't be part of a chain.
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -160,9 +161,17 @@ class JointDescription:
         """Lowest and highest position [rad or m]; NaN where they contradict each other."""
         return (math.nan, math.nan) if self.lower > self.upper else (self.lower, self.upper)
 
+    def motion(self, position: float) -> Array:
+        """T_parent_child at a position [rad or m], shape (4, 4)."""
+        if position == 0.0:
+            return self.T_parent_joint
+        if self.type == "prismatic":
+            return self.T_parent_joint @ transform(position=position * self.axis)
+        return self.T_parent_joint @ transform(from_axis_angle(self.axis, position))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RobotDescription:
+class RobotDescription(Remade):
     """A tree of links and joints, in the order of the file.
 
     Args:
@@ -183,11 +192,6 @@ class RobotDescription:
         object.__setattr__(self, "links", MappingProxyType(dict(self.links)))
         object.__setattr__(self, "joints", MappingProxyType(dict(self.joints)))
 
-    def __reduce__(self) -> tuple[object, ...]:
-        values = [getattr(self, item.name) for item in fields(self)]
-        plain = [dict(v) if isinstance(v, MappingProxyType) else v for v in values]
-        return RobotDescription, tuple(plain)
-
     def children(self, link: str) -> tuple[JointDescription, ...]:
         """The joints fastened to ``link``, in the order of the file."""
         return tuple(joint for joint in self.joints.values() if joint.parent == link)
@@ -207,3 +211,11 @@ class RobotDescription:
     def parent_joint(self, link: str) -> JointDescription | None:
         """The joint that carries ``link``; None for the root."""
         return next((joint for joint in self.joints.values() if joint.child == link), None)
+
+    def way_to_root(self, link: str) -> list[JointDescription]:
+        """Joints from a link up to the root."""
+        path: list[JointDescription] = []
+        while (joint := self.parent_joint(link)) is not None:
+            path.append(joint)
+            link = joint.parent
+        return path

@@ -9,10 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Remade
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
-from kinematics.pose import from_axis_angle, transform
 from kinematics.tree.description import JointDescription, RobotDescription
 from kinematics.tree.joint_limits import LeaderLimits, leader_limits
 from kinematics.tree.serial_chain import Selection
@@ -44,16 +43,11 @@ class Finger:
 
     def motion(self, positions: Positions) -> Array:
         """T_parent_child, shape (4, 4)."""
-        joint, value = self.joint, self.position(positions)
-        if not self.leader or value == 0.0:
-            return joint.T_parent_joint
-        if joint.type == "prismatic":
-            return joint.T_parent_joint @ transform(position=value * joint.axis)
-        return joint.T_parent_joint @ transform(from_axis_angle(joint.axis, value))
+        return self.joint.motion(self.position(positions))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fingers:
+class Fingers(Remade):
     """The joints of all branches that a chain carries, and where they stand.
 
     Args:
@@ -70,10 +64,6 @@ class Fingers:
         object.__setattr__(self, "positions", MappingProxyType(dict(self.positions)))
         states = {name: MappingProxyType(dict(values)) for name, values in self.states.items()}
         object.__setattr__(self, "states", MappingProxyType(states))
-
-    def __reduce__(self) -> tuple[object, ...]:
-        states = {name: dict(values) for name, values in self.states.items()}
-        return Fingers, (self.joints, dict(self.positions), states)
 
     def moving(self, names: frozenset[str]) -> tuple[Finger, ...]:
         """The joints that move when the leaders ``names`` do."""

@@ -96,8 +96,7 @@ def mimic_relations(description: RobotDescription, moving: Collection[str], base
         leader, multiplier, offset = description.leader(joint)
         if joint.mimic is not None and joint.moves and leader in moving and multiplier != 0.0:
             found[joint.name] = leader, multiplier, offset
-    link = base
-    while (above := description.parent_joint(link)) is not None:
+    for above in description.way_to_root(base):
         if above.name in found:
             raise InvalidRobotDescription(
                 f"joint {above.name!r} carries the chain and mimics {found[above.name][0]!r} of "
@@ -105,7 +104,6 @@ def mimic_relations(description: RobotDescription, moving: Collection[str], base
                 hint=f"Start the chain at base_link {description.root!r}, or make it fixed.",
                 joint=above.name,
             )
-        link = above.parent
     return MappingProxyType(found)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotDescription
 from kinematics.model.chain import MAX_JOINTS, Chain, JointType, Link, MimicJoint
-from kinematics.pose import align_z, from_axis_angle, inverse, transform
+from kinematics.pose import align_z, inverse, transform
 from kinematics.tree.chain_ends import choose_ends, joints_above, joints_between, leaves
 from kinematics.tree.description import JointDescription, RobotDescription
 from kinematics.tree.joint_limits import (
@@ -181,7 +181,7 @@ def _unfold(
 
     The first offset and the links that stand still are in the root frame.
     """
-    index = {name: i for i, name in enumerate(chosen.joints)}
+    held, index = chosen.held, {name: i for i, name in enumerate(chosen.joints)}
     offsets = [np.eye(4)] * len(index)
     links: list[Link] = []
     mimic_joints: list[MimicJoint] = []
@@ -210,7 +210,7 @@ def _unfold(
                 body = len(index) + len(mimic_joints) - 1
                 waiting.append((joint.child, body, inverse(transform(align_z(joint.axis)))))
             else:
-                waiting.append((joint.child, carrier, T @ _held_motion(joint, chosen.held)))
+                waiting.append((joint.child, carrier, T @ joint.motion(held.get(joint.name, 0.0))))
         above = description.parent_joint(name)
         if above is not None and above.parent not in seen:
             seen.add(above.parent)
@@ -220,7 +220,7 @@ def _unfold(
                 back = inverse(align) @ inverse(above.T_parent_joint)
                 waiting.append((above.parent, index[above.name], back))
             elif reverse:
-                back = T @ inverse(_held_motion(above, chosen.held))
+                back = T @ inverse(above.motion(held.get(above.name, 0.0)))
                 waiting.append((above.parent, carrier, back))
             else:
                 waiting.append((above.parent, carrier, standing[above.parent]))
@@ -243,24 +243,10 @@ def _mimic_joint(joint: JointDescription, carrier: int, T: Array, chosen: Select
 
 def _poses_to_base(description: RobotDescription, chosen: Selection) -> dict[str, Array]:
     """Poses in the root frame of the root, the base link and those between, joints held."""
-    path, link = [], chosen.base_link
-    while (joint := description.parent_joint(link)) is not None:
-        path.append(joint)
-        link = joint.parent
     poses = {description.root: np.eye(4)}
-    for joint in reversed(path):
-        poses[joint.child] = poses[joint.parent] @ _held_motion(joint, chosen.held)
+    for joint in reversed(description.way_to_root(chosen.base_link)):
+        poses[joint.child] = poses[joint.parent] @ joint.motion(chosen.held.get(joint.name, 0.0))
     return poses
-
-
-def _held_motion(joint: JointDescription, held: Mapping[str, float]) -> Array:
-    """T_parent_child of a joint that is held still."""
-    position = held.get(joint.name, 0.0)
-    if position == 0.0:
-        return joint.T_parent_joint
-    if joint.type == "prismatic":
-        return joint.T_parent_joint @ transform(position=position * joint.axis)
-    return joint.T_parent_joint @ transform(from_axis_angle(joint.axis, position))
 
 
 def held_positions(

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Remade
 from kinematics.errors import InvalidRobotDescription, InvalidRobotState
 from kinematics.model.chain import Chain
 from kinematics.readers.lint import SRDF, unread_notes
@@ -27,7 +27,7 @@ Pair = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Semantics:
+class Semantics(Remade):
     """Content of an SRDF: groups, states, allowed pairs.
 
     Args:
@@ -126,13 +126,6 @@ class Semantics:
             for group, states in self.states.items()
         }
         object.__setattr__(self, "states", MappingProxyType(frozen))
-
-    def __reduce__(self) -> tuple[object, ...]:
-        states = {g: {s: dict(q) for s, q in named.items()} for g, named in self.states.items()}
-        values = (self.name, self.disabled_collisions, dict(self.chains), states)
-        pairs = (self.own_pairs, self.default_allowed, self.enabled_collisions)
-        rest = (self.passive, self.notes, dict(self.groups))
-        return Semantics, (*values, self.virtual_frames, *pairs, *rest)
 
 
 def parse_srdf(text: str | bytes) -> Semantics:

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, Remade, frozen
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.model.branch import BodyTree
@@ -46,7 +46,7 @@ _MOST_PIECES, _MOST_TRIANGLES = 4_000, 2_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RobotGeometry:
+class RobotGeometry(Remade):
     """The convex pieces of a robot and which of them are checked against each other.
 
     Args:
@@ -110,11 +110,6 @@ class RobotGeometry:
 
     def __hash__(self) -> int:
         return hash(self.content_hash)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        values = (self.chain, self.pieces, self.links, self.joints, self.solids)
-        more = (dict(self.allowed), self.lint, dict(self.states), dict(self.suspected))
-        return RobotGeometry, (*values, *more, self.fingers, self.unseen, dict(self.groups))
 
     def attach(
         self, attached: Obstacle, link: str, touch_links: Iterable[str] = ()

@@ -13,14 +13,14 @@ where their sizes are chosen so; the maker's own solids are nearer.
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, numbers, typed
+from kinematics.arrays import Array, Remade, numbers, typed
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidPose
 from kinematics.model.chain import Chain, Inertia, Link
 from kinematics.pose import from_matrix, rotation_y, rotation_z, transform
@@ -95,7 +95,7 @@ class Jaw:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tool:
+class Tool(Remade):
     """A thing that an arm works with.
 
     Args:
@@ -149,11 +149,6 @@ class Tool:
                 f"tool {self.name!r} grips with jaws and has no fingers",
                 hint='Give fingers and opening, or "grip": "none".',
             )
-
-    def __reduce__(self) -> tuple[object, ...]:
-        values = [getattr(self, item.name) for item in fields(self)]
-        plain = [dict(v) if isinstance(v, MappingProxyType) else v for v in values]
-        return Tool, tuple(plain)
 
     def tip(self, tcp: str | None) -> str:
         """The tip of a name, the only one where none is named.

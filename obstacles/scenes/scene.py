@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, Remade, frozen
 from kinematics.errors import InvalidObjectName, InvalidPose, InvalidScene
 from kinematics.pose import from_matrix, is_exact_rotation, transform
 from obstacles.convex.piece import Piece, PieceArrays
@@ -201,7 +201,7 @@ class Obstacle:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class Scene(Remade):
     """All obstacles, and the pairs of names that may touch.
 
     Args:
@@ -294,10 +294,6 @@ class Scene:
 
     def __hash__(self) -> int:
         return hash(self.content_hash)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        values = (self.obstacles, self.allowed_collisions, self.fixed_frames, self.free)
-        return Scene, (*values, self.notes, dict(self.contacts))
 
     def check_placed(self) -> None:
         """Refuse obstacles that are not in the root frame.

@@ -3,13 +3,13 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, Remade, frozen
 from kinematics.errors import InvalidScene
 from kinematics.pose import align_z, transform
 from obstacles.convex.piece import Piece, PieceKind, Surface, convex_hull
@@ -32,7 +32,7 @@ _HERE = frozen(np.eye(4))
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 
 
-class Shape(ABC):
+class Shape(Remade, ABC):
     """A solid in its own frame."""
 
     __slots__ = ()
@@ -46,10 +46,6 @@ class Shape(ABC):
     @abstractmethod
     def pieces(self) -> tuple[Piece, ...]:
         """The convex pieces whose union is the solid, in the shape's frame."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # Built anew, so that what arrives in another process is validated and read-only too.
-        return type(self), tuple(getattr(self, item.name) for item in fields(self))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
