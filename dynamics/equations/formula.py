@@ -47,19 +47,6 @@ Powers = tuple[tuple[Factor, int], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Term:
-    """A product: a coefficient times powers of factors.
-
-    Args:
-        coefficient: A number.
-        powers: Each factor with its power.
-    """
-
-    coefficient: float
-    powers: Powers
-
-
-@dataclass(frozen=True, slots=True)
 class Product:
     """A product of a number, powers of factors and perhaps a sum.
 
@@ -99,7 +86,7 @@ def formula(table: SymbolicTable, value: Polynomial, collect: Collect) -> Sum:
     Raises:
         TooManyTerms: The formula would be too long to be read.
     """
-    return _nest(real_terms(table, value), collect)
+    return sum_of_terms(real_terms(table, value), collect)
 
 
 def factored(table: SymbolicTable, value: Polynomial) -> Sum:
@@ -127,16 +114,6 @@ def factored(table: SymbolicTable, value: Polynomial) -> Sum:
 def _is_offset(table: SymbolicTable, joint: str) -> bool:
     """Whether a joint's angle enters with a constant one added."""
     return joint.replace("q", "theta") in table.variables.names
-
-
-def sum_of_terms(terms: Sequence[Term], collect: Collect) -> Sum:
-    """A sum of products as a nested sum.
-
-    Args:
-        terms: The products.
-        collect: The factors that are taken out of sums.
-    """
-    return _nest(terms, collect)
 
 
 def numeric_value(value: Sum, numbers: Mapping[str, float]) -> float:
@@ -167,7 +144,7 @@ def _factor_value(factor: Factor, numbers: Mapping[str, float]) -> float:
 # -------------------------------------------------------------------- real terms, shortest first
 
 
-def real_terms(table: SymbolicTable, value: Polynomial, *, pair: bool = True) -> list[Term]:
+def real_terms(table: SymbolicTable, value: Polynomial, *, pair: bool = True) -> list[Product]:
     """A polynomial as a sum of products of symbols, cosines and sines.
 
     Args:
@@ -198,7 +175,7 @@ def real_terms(table: SymbolicTable, value: Polynomial, *, pair: bool = True) ->
     terms = []
     for symbols, parts in by_symbols.items():
         for angles, number in (_pair(parts) if pair else parts).items():
-            terms.append(Term(number, (*symbols, *Counter(angles).items())))
+            terms.append(Product(number, (*symbols, *Counter(angles).items())))
     return terms
 
 
@@ -303,20 +280,27 @@ def _half_sum(
 # ----------------------------------------------------------------------------------- nesting
 
 
-def _nest(terms: Sequence[Term], collect: Collect) -> Sum:
-    """Terms as a sum, common factors and then the collected ones taken out."""
+def sum_of_terms(terms: Sequence[Product], collect: Collect) -> Sum:
+    """Products as a nested sum, common factors and then the collected ones taken out.
+
+    Args:
+        terms: Products of numbers and powers.
+        collect: Factors that the sum is put in order by.
+    """
     if not terms:
         return Sum(())
     coefficient, common = _common(terms)
     if len(terms) > 1 and (common or coefficient != 1.0):
-        rest = _nest([_divide(term, coefficient, common) for term in terms], collect)
+        rest = sum_of_terms([_divide(term, coefficient, common) for term in terms], collect)
         return Sum((_product(coefficient, common, rest),))
     factor = _most_frequent(terms, collect)
     if factor is None:
         return _sum([Product(t.coefficient, _order(t.powers)) for t in terms], collect)
     with_it = [term for term in terms if factor in dict(term.powers)]
     without = [term for term in terms if factor not in dict(term.powers)]
-    return _sum([*_nest(with_it, collect).products, *_flat(_nest(without, collect))], collect)
+    return _sum(
+        [*sum_of_terms(with_it, collect).products, *_flat(sum_of_terms(without, collect))], collect
+    )
 
 
 def _flat(value: Sum) -> tuple[Product, ...]:
@@ -329,7 +313,7 @@ def _flat(value: Sum) -> tuple[Product, ...]:
     return value.products
 
 
-def _common(terms: Sequence[Term]) -> tuple[float, Powers]:
+def _common(terms: Sequence[Product]) -> tuple[float, Powers]:
     """Number and powers that all terms have in common."""
     powers = dict(terms[0].powers)
     for term in terms[1:]:
@@ -341,10 +325,10 @@ def _common(terms: Sequence[Term]) -> tuple[float, Powers]:
     return sign * size, tuple(powers.items())
 
 
-def _divide(term: Term, coefficient: float, common: Powers) -> Term:
+def _divide(term: Product, coefficient: float, common: Powers) -> Product:
     taken = dict(common)
     left = tuple((f, p - taken.get(f, 0)) for f, p in term.powers if p != taken.get(f, 0))
-    return Term(term.coefficient / coefficient, left)
+    return Product(term.coefficient / coefficient, left)
 
 
 def _product(coefficient: float, powers: Powers, rest: Sum) -> Product:
@@ -357,7 +341,7 @@ def _product(coefficient: float, powers: Powers, rest: Sum) -> Product:
     return Product(coefficient * only.coefficient, _order(total.items()), only.rest)
 
 
-def _most_frequent(terms: Sequence[Term], collect: Collect) -> Factor | None:
+def _most_frequent(terms: Sequence[Product], collect: Collect) -> Factor | None:
     """The factor to take out first: of the first joint, and in the most terms."""
     counts = Counter(f for term in terms for f, _ in term.powers if _is_collected(f, collect))
     several = [factor for factor, count in counts.items() if count > 1]

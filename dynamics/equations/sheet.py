@@ -22,8 +22,8 @@ from dynamics.equations.formula import (
     Collect,
     Notation,
     Powers,
+    Product,
     Sum,
-    Term,
     Writer,
     factored,
     formula,
@@ -330,14 +330,14 @@ def symbolic_regressor(table: SymbolicTable, torques: Polynomials) -> SymbolicRe
     basis = _basis(polynomials)
     regressor = []
     for row in rows:
-        columns: list[list[Term]] = [[] for _ in basis]
+        columns: list[list[Product]] = [[] for _ in basis]
         for function, polynomial in row.items():
             for k, share in enumerate(_shares(basis, polynomial)):
                 if abs(share) > _ZERO:
-                    columns[k].append(Term(share, function))
+                    columns[k].append(Product(share, function))
         regressor.append(tuple(sum_of_terms(terms, Collect.ANGLES) for terms in columns))
     parameters = tuple(
-        sum_of_terms([Term(value, powers) for powers, value in p.items()], Collect.MASSES)
+        sum_of_terms([Product(value, powers) for powers, value in p.items()], Collect.MASSES)
         for p in basis
     )
     return SymbolicRegressor(tuple(regressor), parameters)

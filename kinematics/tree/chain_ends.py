@@ -276,13 +276,15 @@ def likely_tip(description: RobotDescription, start: str) -> TipChoice:
 
 def leaves(description: RobotDescription, start: str) -> list[str]:
     """Links below ``start`` that carry none, in the order of the tree."""
+    return [link for link in _below(description, start) if not description.children(link)]
+
+
+def _below(description: RobotDescription, start: str) -> list[str]:
+    """A link and all that hang on it, each before those that it carries."""
     below, waiting = [], [start]
     while waiting:
-        link = waiting.pop()
-        joints = description.children(link)
-        waiting += [joint.child for joint in reversed(joints)]
-        if not joints:
-            below.append(link)
+        below.append(waiting.pop())
+        waiting += [joint.child for joint in reversed(description.children(below[-1]))]
     return below
 
 
@@ -292,13 +294,8 @@ def _independent(joint: JointDescription) -> bool:
 
 def _depths(description: RobotDescription) -> dict[str, int]:
     """Largest number of independent joints on a way down from each link."""
-    order, waiting = [], [description.root]
-    while waiting:
-        link = waiting.pop()
-        order.append(link)
-        waiting += [joint.child for joint in description.children(link)]
     depths: dict[str, int] = {}
-    for link in reversed(order):
+    for link in reversed(_below(description, description.root)):
         below = description.children(link)
         depths[link] = max((depths[j.child] + _independent(j) for j in below), default=0)
     return depths

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidRobotDescription
 from kinematics.readers.xml_reader import Element, children, numbers, read_robot, single
-from kinematics.tree.description import CollisionElement, Geometry, RobotDescription
+from kinematics.tree.description import CollisionElement, RobotDescription
 from kinematics.urdf.urdf import no_solids, read_geometry, read_origin
 
 #: Red, green, blue and opacity from 0 to 1.
@@ -21,7 +20,7 @@ _RGB, _RGBA = 3, 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class VisualElement:
+class VisualElement(CollisionElement):
     """One drawn solid of a link.
 
     Args:
@@ -30,12 +29,7 @@ class VisualElement:
         color: Colour of the material; None where the URDF gives none.
     """
 
-    T_link_element: Array
-    geometry: Geometry
     color: Color | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "T_link_element", frozen(self.T_link_element))
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,25 +84,9 @@ class ProjectionArrays(NamedTuple):
     triangles: NDArray[np.int64]
     planes: Array
     triangle_starts: NDArray[np.int64]
-    owners: NDArray[np.int64]
-    enclosing: NDArray[np.int64]
-    around: Array
-
-
-class _Block(NamedTuple):
-    """Pieces of one obstacle: the first columns of ``ProjectionArrays``, starts as counts."""
-
-    kinds: Indices
-    poses: Array
-    sizes: Array
-    balls: Array
-    across: Array
-    solid: NDArray[np.bool_]
-    corners: Array
-    corner_counts: Indices
-    triangles: Indices
-    planes: Array
-    triangle_counts: Indices
+    owners: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+    enclosing: NDArray[np.int64] = np.zeros((0, 2), dtype=np.int64)
+    around: Array = np.zeros((0, 4))
 
 
 def pack_obstacles(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
@@ -122,16 +106,16 @@ def pack_obstacles(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
             blocks.append(_solids([piece for pieces in parts for piece in pieces]))
     # Most scenes are one block.
     joined = (
-        blocks[1] if len(blocks) == 2 else _Block(*map(np.concatenate, zip(*blocks, strict=True)))
+        blocks[1]
+        if len(blocks) == 2
+        else ProjectionArrays(*map(np.concatenate, zip(*blocks, strict=True)))
     )
     starts = _starts(_indices(counts))
     ends = np.empty((len(counts), 2), dtype=np.int64)
     ends[:, 0], ends[:, 1] = starts[:-1], starts[:-1] + _indices(filled)
-    return ProjectionArrays(
-        *joined._replace(
-            corner_counts=_starts(joined.corner_counts),
-            triangle_counts=_starts(joined.triangle_counts),
-        ),
+    return joined._replace(
+        corner_starts=_starts(joined.corner_starts),
+        triangle_starts=_starts(joined.triangle_starts),
         owners=np.repeat(np.arange(len(counts)), counts),
         enclosing=ends,
         around=_all_around(joined.balls, ends),
@@ -179,10 +163,11 @@ def _is_enclosed(piece: Piece, filled: Sequence[Piece]) -> bool:
     return bool(number[0] > INSIDE)
 
 
-def _cloud(cloud: PieceArrays) -> _Block:
+def _cloud(cloud: PieceArrays) -> ProjectionArrays:
+    """Balls of one obstacle, with counts in place of starts and no owners yet."""
     p = len(cloud)
     one = np.ones(p, dtype=np.int64)
-    return _Block(
+    return ProjectionArrays(
         kinds=cloud.kinds,
         poses=cloud.poses,
         sizes=np.hstack([cloud.sizes, np.zeros((p, 1))]),
@@ -190,14 +175,15 @@ def _cloud(cloud: PieceArrays) -> _Block:
         across=np.tile([1.0, 0.0, 0.0], (p, 1)),
         solid=np.zeros(p, dtype=np.bool_),
         corners=cloud.vertices,
-        corner_counts=one,
+        corner_starts=one,
         triangles=np.zeros((p, 3), dtype=np.int64),
         planes=np.zeros((p, 4)),
-        triangle_counts=one,
+        triangle_starts=one,
     )
 
 
-def _solids(pieces: Sequence[Piece]) -> _Block:
+def _solids(pieces: Sequence[Piece]) -> ProjectionArrays:
+    """Pieces with counts in place of starts and no owners yet."""
     p, cores = len(pieces), [_core(piece) for piece in pieces]
     hulls = [core.hull for core in cores]
     filled = [_NO_HULL, *(hull for hull in hulls if hull is not _NO_HULL)]
@@ -205,7 +191,7 @@ def _solids(pieces: Sequence[Piece]) -> _Block:
     balls = np.array([core.ball for core in cores]).reshape(p, 4)
     middles = balls[:, :3, None]
     middles[:] = poses[:, :3, :3] @ middles + poses[:, :3, 3:]
-    return _Block(
+    return ProjectionArrays(
         kinds=_indices([core.kind for core in cores]),
         poses=poses,
         sizes=np.array([core.size for core in cores]).reshape(p, 4),
@@ -213,10 +199,10 @@ def _solids(pieces: Sequence[Piece]) -> _Block:
         across=np.array([core.across for core in cores]).reshape(p, 3),
         solid=np.array([hull.solid for hull in hulls], dtype=np.bool_),
         corners=np.vstack([hull.vertices for hull in filled]),
-        corner_counts=_indices([len(hull.vertices) for hull in hulls]),
+        corner_starts=_indices([len(hull.vertices) for hull in hulls]),
         triangles=np.vstack([hull.triangles for hull in filled]),
         planes=np.vstack([hull.planes for hull in filled]),
-        triangle_counts=_indices([len(hull.triangles) for hull in hulls]),
+        triangle_starts=_indices([len(hull.triangles) for hull in hulls]),
     )
 
 
