@@ -241,17 +241,6 @@ def test_a_seam_is_checked_in_a_motion_that_anybody_made(client: httpx.Client) -
     assert not refused["verified"]
     at = np.interp(refused["violation"]["time"], times, tilts)
     assert at >= 0.85 * float(tilts.max())
-    slow = judge(found["trajectory"], asked.model_copy(update={"tool_speed": 0.8 * speed}))
-    assert slow["violation"]["kind"] == "tool_speed"
-    assert slow["tool_speed"]["high"] == pytest.approx(0.88 * speed)
-    # A motion somewhere else is outside the boxes.
-    moved = [{**one.model_dump(mode="json", exclude_none=True)} for one in asked.motions]
-    for one in moved:
-        for pose in (one["pose"], one.get("start")):
-            if pose is not None:
-                pose["position"][2] += 0.002
-    beside = judge(found["trajectory"], TimedToolMotions.of(**{**dict(asked), "motions": moved}))
-    assert not beside["verified"]
 
 
 def test_a_change_of_branch_is_answered_and_proved_again(client: httpx.Client) -> None:

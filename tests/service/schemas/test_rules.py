@@ -6,15 +6,15 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from armwright_wire.goals.goal import Goal, OrientationConstraint
-from armwright_wire.goals.tool_motion import TimedToolMotions, ToolMotion, cartesian_options
+from armwright_wire.goals.goal import OrientationConstraint
+from armwright_wire.goals.tool_motion import TimedToolMotions, cartesian_options
 from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
 from armwright_wire.motions.simulation import SimulateRequest
 from armwright_wire.motions.trajectory import Segment, TrajectoryBody
 from armwright_wire.plans.batch import BatchRequest, PlanRequests
 from armwright_wire.plans.plan import PlanRequest
 from armwright_wire.pose import FramedPose, Pose
-from armwright_wire.robots.kinematics import FkRequest, IkRequest, VelocityRequest
+from armwright_wire.robots.kinematics import FkRequest
 from armwright_wire.robots.robot import RobotBody
 from armwright_wire.scenes.check import Attached, CheckRequest
 from armwright_wire.scenes.scene import Mesh, NamedScene, Scene, Shape
@@ -129,7 +129,6 @@ RULES: dict[str, Rule] = {
     ]),
     "a scene is obstacles or a text": (Scene, [{"obstacles": [BOX]}], [
         ({"obstacles": [BOX, BOX]}, "is given twice"),
-        ({"obstacles": [], "moveit": "x"}, "exactly one"),
         ({"obstacles": [BOX | {"margin": -1}]}, "greater than"),
         ({"obstacles": [BOX | {"id": "a\n"}]}, "pattern"),
         ({"obstacles": [], "allowed_collisions": [["a"]]}, "at least 2"),
@@ -140,17 +139,9 @@ RULES: dict[str, Rule] = {
         [(CHECK | {"scene": 1}, "valid dictionary")],
     ),
     "an attached object has one place": (Attached, [PART], [
-        (PART | {"grasp_joints": [0.0]}, "exactly one of pose, grasp_joints"),
-        (without(PART, ("pose",)), "exactly one of pose, grasp_joints"),
         *((PART | {"inertia": rows}, "items")
           for rows in (IDENTITY[:2], [*IDENTITY, [0.0, 0.0, 0.0]], [[1.0, 0.0]] * 3)),
     ]),
-    "mass properties go with a mass": (
-        Attached,
-        [without(without(UNWEIGHED, ("inertia",)), ("center_of_mass",)),
-         *(without(PART, (name,)) for name in ("inertia", "center_of_mass"))],
-        [(without(UNWEIGHED, (name,)), "to mass") for name in ("inertia", "center_of_mass")],
-    ),
     "an orientation constraint is a cone or an orientation": (OrientationConstraint, [CONE, NEAR], [
         *((without(CONE, (name,)), WHOLE) for name in ("axis", "direction", "cone_angle")),
         *((NEAR | {name: CONE[name]}, WHOLE) for name in ("axis", "direction", "cone_angle")),
@@ -160,15 +151,6 @@ RULES: dict[str, Rule] = {
           for name in ("quaternion_xyzw", "axis_tolerances")),
         ({"type": "orientation"}, "give axis"),
     ]),
-    "an arc of the tool has a point or a center": (
-        ToolMotion,
-        [LINE, ARC, CIRCLE, without(CIRCLE, ("normal",))],
-        [(LINE | {"via": [0.0] * 3}, CIRC), (LINE | {"center": [0.0] * 3}, CIRC),
-         (LINE | {"normal": [0.0, 0.0, 1.0]}, "normal belongs to center"),
-         (LINE | {"type": "circ"}, "exactly one of via, center"),
-         (ARC | {"center": [0.0] * 3}, "exactly one of via, center"),
-         (ARC | {"normal": [0.0, 0.0, 1.0]}, "normal belongs to center")],
-    ),
     "timed tool motions have an end each": (
         TimedToolMotions,
         [{"motions": [LINE]}, {"motions": [LINE, ARC], "ends": [1.0, 1.0]}, SEAM | FREE,
@@ -181,39 +163,6 @@ RULES: dict[str, Rule] = {
           "begins is after the end of the first motion"),
          ({"motions": [LINE]} | FREE, "tolerance belongs to motions whose"),
          ({"motions": [LINE]} | SLOW, "tool_speed belongs to motions whose")],
-    ),
-    "velocity kinematics answers one question": (
-        VelocityRequest,
-        [J | RATES, J | TWIST | {"nullspace": [0.0], "damped_below": 0.1}],
-        [(J, "exactly one"), (J | TWIST | RATES, "exactly one"),
-         (J | RATES | {"nullspace": [0.0]}, "belongs to twist"),
-         (J | RATES | {"damped_below": 0.1}, "belongs to twist")],
-    ),
-    "inverse kinematics needs a pose or constraints": (
-        IkRequest,
-        [{"pose": POSE}, {"poses": [POSE]}, {"constraints": CONSTRAINTS},
-         {"constraints": CONSTRAINTS, "pose": POSE}],
-        [({}, ONE_POSE), ({"constraints": []}, ONE_POSE),
-         ({"pose": POSE, "poses": [POSE]}, ONE_POSE),
-         ({"constraints": CONSTRAINTS, "pose": POSE, "poses": [POSE]}, ONE_POSE)],
-    ),
-    "a goal is one thing": (
-        Goal,
-        [{"joints": [0]}, {"pose": POSE, "position_tolerance": 1e-3},
-         {"any_of": [{"joints": [0]}, {"pose": POSE}]}],
-        [({}, "exactly one"), ({"joints": [0], "pose": POSE}, "exactly one"),
-         ({"any_of": []}, "at least 1"), ({"any_of": [{"any_of": [{"joints": [0]}]}]}, "Extra")],
-    ),
-    "rates belong to joints and tolerances to poses": (
-        PlanRequest,
-        [*(goal(joints=[0.0], **{name: [0.0]}) for name in ("velocities", "accelerations")),
-         *(goal(pose=POSE, **{name: 0.1})
-           for name in ("position_tolerance", "orientation_tolerance"))],
-        [*((goal(pose=POSE, **{name: [0.0]}), "belongs to joints or state")
-           for name in ("velocities", "accelerations")),
-         *((goal(**where, **{name: 0.1}), "belongs to pose")
-           for where in ({"joints": [0.0]}, {"any_of": [{"pose": POSE}]})
-           for name in ("position_tolerance", "orientation_tolerance"))],
     ),
     "a plan begins somewhere by a planner": (PlanRequest, [BRIEF], [
         (BRIEF | {"start": {}}, "exactly one of joints, state"),
