@@ -281,7 +281,11 @@ def _sections(
             phases, owners = _curved_phases(section, limits, ends, extra, rough=rough)
         durations.append(phases[:, 4])
         coefficients.append(composed_pieces(section.coefficients, owners, phases, 3))
-    return Pieces(np.cumsum(np.concatenate(durations)), np.concatenate(coefficients))
+    breaks = np.cumsum(np.concatenate(durations))
+    # Phases of a short section are lost in the rounding of the time of a long one before it.
+    if not (np.diff(breaks) > 0.0).all():
+        raise _no_speed()
+    return Pieces(breaks, np.concatenate(coefficients))
 
 
 def _curved_phases(

@@ -116,6 +116,12 @@ def test_boundary_speeds_are_met_exactly(speed: float) -> None:
         assert worst_ratio(motion, limit, order) <= 1.0 + 1e-9
 
 
+def test_sections_that_are_lost_in_the_time_of_a_long_one_are_refused() -> None:
+    path = blend([[0.0], [10.0], [10.0 - 1e-8]], [0.0], smooth=True)
+    with pytest.raises(TimingFailed, match="no speed along the path"):
+        timed(path, np.array([1e-9]), np.array([0.1]), np.array([1e6]))
+
+
 def test_boundary_speeds_beyond_the_limits_are_refused() -> None:
     path = blend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], [0.3], smooth=True)
     for speed in (1.5, 50.0):
