@@ -204,7 +204,7 @@ def smooth_motion(
 ) -> tuple[Trajectory, float]:
     """The motion of few cubics near a recorded one, and a bound of their distance at every instant.
 
-    Spans in which it is farther are halved, until none is or a span has no more than two samples.
+    Spans in which it is farther are halved, until none is or samples are too few.
 
     Args:
         joint_names: n names.
@@ -236,7 +236,8 @@ def smooth_motion(
         wide = np.flatnonzero(np.diff(breaks) > 2)
         off = np.unique(np.searchsorted(t[breaks], places[bounds > tolerance], "right") - 1)
         split = np.intersect1d(off, wide)
-        if not len(split):
+        # A spline has two coefficients more than breaks, and no more of them than samples.
+        if not len(split) or len(breaks) + len(split) + 2 > len(t):
             return motion, closest
         breaks = np.unique(np.concatenate([breaks, (breaks[split] + breaks[split + 1]) // 2]))
 

@@ -70,3 +70,10 @@ def test_what_can_not_be_fitted_is_refused() -> None:
         fit_motion(t, q, 1e-2, aw.load_robot("ur5e"), joint_names=list("abcdef"))
     with pytest.raises(InvalidTrajectory, match="6 value"):
         fit_motion(t, q, 1e-2, aw.load_robot("panda"))
+
+
+def test_few_samples_beyond_the_tolerance_are_refused_in_words() -> None:
+    for count in range(4, 30):
+        samples = np.random.default_rng(count).normal(size=(count, 2))
+        with pytest.raises(InvalidOption, match="no motion of cubics was found"):
+            fit_motion(np.arange(float(count)), samples, 1e-9)
