@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
+from kinematics.pose import transform
 from obstacles.convex.piece import Piece, PieceArrays, PieceKind
 from obstacles.distance.fcl_solid import UNITS, FclSolid, fcl_cube, fcl_point, fcl_solid, separation
 from obstacles.projection.projection import Projector, checked_points, convex_parts
@@ -63,7 +64,7 @@ class FclProjector:
         distances = np.full((len(checked), len(self.ids)), np.inf)
         reach = np.full(len(checked), np.inf) if within is None else within
         for i, point in enumerate(checked):
-            self._point.move(_frame(np.eye(3), point))
+            self._point.move(transform(position=point))
             for k, target in enumerate(self._targets):
                 projections[i, k], distances[i, k] = self._project(point, target, float(reach[i]))
         return projections, distances
@@ -128,7 +129,7 @@ class _Target:
             height = float(T[:3, 2] @ (point - T[:3, 3]))
             # About a point inside, so that FCL finds them overlapping however deep it is.
             down = height + 0.5 * _CUBE_SIDE if height > 0.0 else 0.0
-            solid.move(_frame(T[:3, :3], point - down * T[:3, 2]))
+            solid.move(transform(T[:3, :3], point - down * T[:3, 2]))
         return solid
 
     def _piece(self, i: int) -> Piece:
@@ -158,9 +159,3 @@ def _triangles(part: Piece) -> Array:
     assert part.surface is not None
     T = part.T_owner_piece
     return np.asarray(part.surface.triangles @ T[:3, :3].T + T[:3, 3])
-
-
-def _frame(rotation: Array, position: Array) -> Array:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation, position
-    return T

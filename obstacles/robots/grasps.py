@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, numbers, typed
 from kinematics.errors import InvalidOption
-from kinematics.pose import align_z, inverse, rotation_z
+from kinematics.pose import align_z, inverse, rotation_z, transform
 from obstacles.convex.triangles import Triangles, join, piece_triangles
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.shapes.shape import HalfSpace, Mesh, Shape
@@ -141,10 +141,8 @@ def find_grasps(shape: Shape, down: ArrayLike, search: GraspSearch, span: JawSpa
     found: list[Array] = []
     for center, normal in places:
         frames = _cup(normal, search) if span is None else _jaws(normal, down, search, span)
-        for k in random.permutation(len(frames))[:few]:
-            T = np.eye(4)
-            T[:3, :3], T[:3, 3] = frames[k], center + search.depth * frames[k][:, 2]
-            found.append(T)
+        chosen = (frames[k] for k in random.permutation(len(frames))[:few])
+        found += [transform(R, center + search.depth * R[:, 2]) for R in chosen]
     return np.array(found[: search.count]).reshape(-1, 4, 4)
 
 
