@@ -200,10 +200,6 @@ class LiveJob:
             return
         self._tell("end", answer.content if record.status == "failed" and answer else None)
 
-    def wait_again(self) -> JobRecord:
-        """The record of this job for the next start of the service: it waits again."""
-        return waiting_again(self.record)
-
     def since(self, number: int) -> Iterator[Event]:
         """The events after one of a number."""
         return iter([event for event in self._events if event.number > number])
@@ -370,13 +366,13 @@ class JobExecution:
         try:
             for live in list(self._live.values()):
                 if not live.has_ended:
-                    await run_in_threadpool(self._store.release, live.wait_again())
+                    await run_in_threadpool(self._store.release, waiting_again(live.record))
             await run_in_threadpool(self._servers.remove, self._server)
         except StorageUnavailable as problem:
             _log.warning("jobs could not be given back: %s", problem.detail)
         for live in self._live.values():
             if not live.has_ended:
-                live.settle(live.wait_again(), None)
+                live.settle(waiting_again(live.record), None)
         self._live.clear()
 
     # ------------------------------------------------------------------------------ running

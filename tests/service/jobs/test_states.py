@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from service.jobs.execution import Event, LiveJob, describe
+from service.jobs.execution import Event, LiveJob, describe, waiting_again
 from service.jobs.runner import Jobs
 from service.storage.store import Store
 from service.storage.stores.job_store import ENDED, JobAnswer, Status, StoredRequest
@@ -45,6 +45,7 @@ def test_the_status_of_the_answer_decides(tmp_path: Path, status: int, outcome: 
         assert done.status == outcome
         assert answer is not None
         assert answer.content == b'{"done": true}'
+        assert len(app.contexts) == 1
 
     run(tmp_path, scenario)
 
@@ -218,7 +219,7 @@ def test_a_job_that_waits_again_has_done_nothing_yet() -> None:
     job = live()
     job.start()
     job.advance(0.5, "search")
-    again = job.wait_again()
+    again = waiting_again(job.record)
     assert (again.status, again.progress, again.stage, again.started) == ("queued", 0.0, None, None)
     assert (again.id, again.created, again.event) == (job.record.id, job.record.created, 3)
 

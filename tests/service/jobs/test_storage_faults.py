@@ -86,14 +86,3 @@ def test_a_request_that_meets_a_storage_fault_is_answered_again(tmp_path: Path) 
         assert (await ended(jobs, job.id))[0].status == "succeeded"
 
     run(tmp_path, scenario)
-
-
-def test_another_503_is_the_answer(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
-        app.status, app.body = 503, b'{"code": "NOT_READY"}'
-        app.open.set()
-        job = await jobs.accept(REQUEST)
-        assert (await ended(jobs, job.id))[0].status == "failed"
-        assert len(app.contexts) == 1
-
-    run(tmp_path, scenario)

@@ -124,18 +124,6 @@ NUMBERS: list[tuple[type[BaseModel], dict[str, Any], Path, float, float]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("model", "body", "path", "least", "largest"), NUMBERS, ids=[written(n[2]) for n in NUMBERS]
-)
-def test_a_number_is_taken_up_to_its_bounds_and_not_beyond(
-    model: type[BaseModel], body: dict[str, Any], path: Path, least: float, largest: float
-) -> None:
-    for value in (least, largest):
-        assert refusals(model, changed(body, path, value)) == {}
-    for value in (below(least), above(largest)):
-        assert_refused_at(path, refusals(model, changed(body, path, value)))
-
-
 #: Model, a body of it, the field; the least and the largest integer that it takes.
 INTEGERS: list[tuple[type[BaseModel], dict[str, Any], Path, int, int]] = [
     (PlanRequest, BRIEF | {"seed": 0}, ("seed",), 0, 2**32 - 1),
@@ -148,14 +136,18 @@ INTEGERS: list[tuple[type[BaseModel], dict[str, Any], Path, int, int]] = [
 
 
 @pytest.mark.parametrize(
-    ("model", "body", "path", "least", "largest"), INTEGERS, ids=[written(n[2]) for n in INTEGERS]
-)
-def test_an_integer_is_taken_up_to_its_bounds_and_no_fraction_is(
-    model: type[BaseModel], body: dict[str, Any], path: Path, least: int, largest: int
-) -> None:
+    ("model", "body", "path", "least", "largest", "beyond"),
+    [*((*n, (below(n[3]), above(n[4]))) for n in NUMBERS),
+     *((*n, (n[3] - 1, n[4] + 1, float(n[3]), 10**400)) for n in INTEGERS)],
+    ids=[written(n[2]) for n in (*NUMBERS, *INTEGERS)],
+)  # fmt: skip
+def test_a_number_is_taken_up_to_its_bounds_and_not_beyond(
+    model: type[BaseModel], body: dict[str, Any], path: Path, least: float, largest: float,
+    beyond: tuple[float, ...],
+) -> None:  # fmt: skip
     for value in (least, largest):
         assert refusals(model, changed(body, path, value)) == {}
-    for wrong in (least - 1, largest + 1, float(least), 10**400):
+    for wrong in beyond:
         assert_refused_at(path, refusals(model, changed(body, path, wrong)))
 
 
