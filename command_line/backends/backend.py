@@ -75,6 +75,6 @@ def at(url: str, token: str | None) -> "RemoteBackend":
     Raises:
         ProblemError: The address or the key is malformed.
     """
-    from command_line.backends.remote import remote_backend  # noqa: PLC0415  all of the client
+    from command_line.backends.remote import RemoteBackend  # noqa: PLC0415  all of the client
 
-    return remote_backend(url, token)
+    return RemoteBackend(url, token)

@@ -65,8 +65,8 @@ def _follow(pending: Pending[Any], status: Status) -> None:
 _DIGITS = 16
 
 
-def remote_backend(url: str, token: str | None) -> "RemoteBackend":
-    """The backend of a service.
+class RemoteBackend:
+    """A service at a URL.
 
     Args:
         url: Address of the service.
@@ -75,22 +75,12 @@ def remote_backend(url: str, token: str | None) -> "RemoteBackend":
     Raises:
         ProblemError: The address or the key is malformed.
     """
-    options: ClientOptions = {} if token is None else {"token": token}
-    with _problems(url):
-        return RemoteBackend(url, Client(url, **options))
 
-
-class RemoteBackend:
-    """A service at a URL.
-
-    Args:
-        url: Address of the service.
-        client: Connected to it.
-    """
-
-    def __init__(self, url: str, client: Client) -> None:
+    def __init__(self, url: str, token: str | None) -> None:
+        options: ClientOptions = {} if token is None else {"token": token}
         self._url = url
-        self._client = client
+        with _problems(url):
+            self._client = Client(url, **options)
         self._uploaded: list[str] = []
 
     def robot_name(self, source: RobotSource) -> str:

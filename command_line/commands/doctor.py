@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from rich.console import Console
 
+from command_line.backends.backend import at
 from command_line.output import print_answer, print_table
 from command_line.parameters import Connection, command
 from command_line.problems import CommandProblem, negative
@@ -140,10 +141,8 @@ def _data_folder() -> Finding:
 
 
 def _service(url: str, token: str | None) -> Finding:
-    from command_line.backends.remote import remote_backend  # noqa: PLC0415
-
     try:
-        with closing(remote_backend(url, token)) as backend:
+        with closing(at(url, token)) as backend:
             detail = backend.readiness()
     except CommandProblem as problem:
         return Finding("service", "fault", str(problem), str(problem.document["hint"] or ""))
