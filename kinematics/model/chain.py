@@ -18,7 +18,7 @@ what joint i of the chain carries, and body n + k what mimic joint k does.
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from math import isfinite
 from types import MappingProxyType
@@ -367,6 +367,30 @@ def _model(chain: Chain) -> Array:
         rows.append((each.joint_type, *each.T_parent_joint[:3].flat, each.parent))
         rows.append((each.leader, each.multiplier, each.offset, *[0.0] * 11))
     return frozen(rows)
+
+
+def with_frames(chain: Chain, frames: Iterable[tuple[str, str, Array]]) -> Chain:
+    """Chain with more frames as links, such as those of what the robot holds.
+
+    Args:
+        chain: The robot.
+        frames: For each its name, the link that carries it, and T_link_frame, shape (4, 4).
+
+    Raises:
+        InvalidLinkName: There is no such link, or a name is a link's already.
+    """
+    taken, added = set(chain.index), []
+    for name, link, T_link_frame in frames:
+        carrier = chain.link(link)
+        if name in taken:
+            raise InvalidLinkName(
+                f"{name!r} is a link of robot {chain.name!r} already, and nothing else",
+                hint="Give it a name of its own.",
+                link=name,
+            )
+        taken.add(name)
+        added.append(Link(name, carrier.joint, carrier.T_joint_link @ T_link_frame))
+    return replace(chain, links=(*chain.links, *added)) if added else chain
 
 
 def _content_hash(chain: Chain) -> str:

@@ -45,6 +45,11 @@ class Attachment:
     touches: tuple[str, ...] = ()
     touch_depth: float = TOUCH_DEPTH
 
+    @property
+    def frame(self) -> tuple[str, str, Array]:
+        """The object's frame as `with_frames` takes it."""
+        return self.held.id, self.link, self.held.T_world_obstacle
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Holding:

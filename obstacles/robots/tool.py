@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, Remade, numbers, typed
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidPose
-from kinematics.model.chain import Chain, Inertia, Link
+from kinematics.model.chain import Chain, Inertia, Link, with_frames
 from kinematics.pose import from_matrix, rotation_y, rotation_z, transform
 from kinematics.root_frame import TOOL
 from kinematics.tree.description import JointDescription
@@ -252,13 +252,9 @@ def with_tip(robot: RobotGeometry, name: str, link: str, T_link_tip: ArrayLike) 
     """
     chain = robot.chain
     T_link_tip = rigid(T_link_tip, "T_link_tip")
-    carrier = _moving(chain, chain.link(link), f"tip {name!r}")
-    if name in chain.index:
-        raise InvalidLinkName(
-            f"{name!r} is a link of robot {chain.name!r}: no tip can be called so", link=name
-        )
-    tip = Link(name, carrier.joint, carrier.T_joint_link @ T_link_tip)
-    return replace(robot, chain=replace(chain, links=(*chain.links, tip), tip_link=name))
+    _moving(chain, chain.link(link), f"tip {name!r}")
+    chain = with_frames(chain, [(name, link, T_link_tip)])
+    return replace(robot, chain=replace(chain, tip_link=name))
 
 
 def rigid(T: ArrayLike, what: str) -> Array:

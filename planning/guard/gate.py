@@ -12,6 +12,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidObjectName, InvalidOption
+from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory, concatenate, stay
 from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -117,6 +118,7 @@ class Guard:
         margin: Distance to keep from obstacles beyond their own margins [m].
         limits: Limits in place of the robot's.
         tracking: How far a state may be from the motion that the arm has [rad or m].
+        chain: Chain with more frames that twists may name; the robot's where None.
 
     Raises:
         InvalidOption: There is no such stop, or nothing is known of the robot's collisions.
@@ -132,6 +134,7 @@ class Guard:
         margin: float = 0.0,
         limits: MotionLimits | None = None,
         tracking: float = 0.05,
+        chain: Chain | None = None,
     ) -> None:
         check_kind(stop)
         if stop != "path" and not robot.has_solids:
@@ -142,6 +145,7 @@ class Guard:
         self.kind: StopKinds = stop
         self.tracking, self.count = tracking, 0
         self.running: Running | None = None
+        self.chain = chain or robot.chain
         wanted = limits or MotionLimits()
         wanted.check(robot.chain)
         self._set(Surroundings(robot, scene, margin, wanted))
@@ -389,7 +393,7 @@ class _Attempt:
     def _motion(self, scale: float) -> Trajectory | None:
         """The motion at a scale; None where it can't be run at that."""
         try:
-            return self._proposal.motion(self._chain, self._begun, self._guard.braking, scale)
+            return self._proposal.motion(self._guard.chain, self._begun, self._guard.braking, scale)
         except InvalidOption:
             if scale == 1.0:
                 raise

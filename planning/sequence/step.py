@@ -195,7 +195,7 @@ def constraint_set(cell: Cell, settings: StageSettings) -> ConstraintSet | None:
     """The constraints of a stage for its robot; None where it has none."""
     if not settings.constraints:
         return None
-    return ConstraintSet(cell.robot.chain, settings.constraints)
+    return ConstraintSet(cell.chain, settings.constraints)
 
 
 @dataclass(slots=True, eq=False)

@@ -19,7 +19,6 @@ from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
 from planning.clearance.levels import clearance_levels
 from planning.clearance_report import clearance_report
-from planning.constraints.constraint_set import ConstraintSet
 from planning.options import Options, with_limits
 from planning.proof.certificate import certify
 from planning.result import Path, Plan
@@ -191,9 +190,8 @@ def _parametrization(parts: list[_Part]) -> TimeParametrization:
     """Method and limits of a run; those of constraints of all its stages."""
     chain = parts[0].cell.robot.chain
     options: Options = parts[0].step.stage.settings.options
-    constraints = tuple(c for part in parts for c in part.step.stage.settings.constraints)
-    if constraints:
-        options = with_limits(options, ConstraintSet(chain, constraints))
+    for part in parts:
+        options = with_limits(options, constraint_set(part.cell, part.step.stage.settings))
     return chosen_parametrization(
         options.timing, chain.joint_names, chain.limits, options.limits, chain
     )

@@ -9,6 +9,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.forward import forward
+from kinematics.model.chain import Chain, with_frames
 from kinematics.pose import inverse
 from obstacles.collision.checker import Checker
 from obstacles.projection.projection import project
@@ -363,11 +364,13 @@ class Cell(NamedTuple):
         robot: Held objects are among its pieces, their masses among its links.
         scene: The objects not held, with the pairs that may touch.
         checker: Checker of both, with the margin of the stage.
+        chain: The robot's chain with the frames of held objects as links, for constraints.
     """
 
     robot: RobotGeometry
     scene: Scene
     checker: Checker
+    chain: Chain
 
 
 class Cells:
@@ -407,7 +410,8 @@ def _put_together(world: World, allowed: dict[Pair, AllowedContact], margin: flo
             chain = item.load.added_to(chain, held.link, held.held.T_world_obstacle)
     if chain is not robot.chain:
         robot = replace(robot, chain=chain)
-    return Cell(robot, holding.scene, Checker.of(robot, holding.scene, margin))
+    framed = with_frames(chain, (item.attachment.frame for item in world.held))
+    return Cell(robot, holding.scene, Checker.of(robot, holding.scene, margin), framed)
 
 
 def _without(pairs: Mapping[Pair, AllowedContact], name: str) -> dict[Pair, AllowedContact]:

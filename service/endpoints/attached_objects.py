@@ -14,7 +14,7 @@ from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from kinematics.forward import link_number
-from kinematics.model.chain import Chain
+from kinematics.model.chain import Chain, with_frames
 from kinematics.root_frame import check_default_frame
 from obstacles.collision.fcl_distance import OverlapMeter
 from obstacles.robots.attachment import ANYTHING, Attachment, check_allowed, grasp, hold, with_parts
@@ -46,11 +46,21 @@ class RobotInScene:
         robot: The robot with the objects that it holds, their masses included.
         scene: The scene without attached objects, with all pairs that may touch.
         notes: Oddities of the scene, as sentences.
+        held: The objects that it holds.
     """
 
     robot: RobotGeometry
     scene: Scene
     notes: tuple[str, ...] = ()
+    held: tuple[Attachment, ...] = ()
+
+    @property
+    def chain(self) -> Chain:
+        """The robot's chain with the frames of held objects as links.
+
+        It is for kinematics and constraints: proofs know held objects as those that are no links.
+        """
+        return with_frames(self.robot.chain, (item.frame for item in self.held))
 
     @property
     def pairs(self) -> list[dict[str, Any]]:
@@ -217,7 +227,7 @@ def attach(
             chain = _with_mass(chain, item, held.held.T_world_obstacle)
     loaded = grasped.robot if chain is robot.chain else replace(grasped.robot, chain=chain)
     notes = scene_notes(robot, scene, [item.id for item, _ in objects])
-    return RobotInScene(loaded, grasped.scene, notes)
+    return RobotInScene(loaded, grasped.scene, notes, tuple(held for _, held in objects))
 
 
 def scene_notes(robot: RobotGeometry, scene: Scene, held: Sequence[str] = ()) -> tuple[str, ...]:

@@ -49,8 +49,14 @@ def _bare(name: str) -> str:
     return name.lower().replace("_", "")
 
 
-def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene) -> Problem:
+def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene, chain: Chain) -> Problem:
     """The domain's problem, for a robot with what it holds.
+
+    Args:
+        body: The request.
+        robot: The robot.
+        scene: The surroundings.
+        chain: The robot's chain with the frames of what it holds as links, for constraints.
 
     Raises:
         InvalidRobotState: A joint vector has the wrong length.
@@ -73,7 +79,7 @@ def problem(body: schema.PlanRequest, robot: RobotGeometry, scene: Scene) -> Pro
         goals,
         _least_clearance(body),
         body.start_state_tolerance,
-        constraints=constraint_set(body.constraints, robot.chain),
+        constraints=constraint_set(body.constraints, chain),
         start_velocity=array_or_none(body.start.velocities),
         start_acceleration=array_or_none(body.start.accelerations),
     )

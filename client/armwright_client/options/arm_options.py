@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Generic, Literal, TypeVar
 
-from armwright_client.options.plan_options import SceneOptions, ToolOptions
+from armwright_client.options.plan_options import HeldOptions, SceneOptions, ToolOptions
 from armwright_wire.base import RowsLike, VectorLike
 from armwright_wire.goals.goal import Constraints
 from armwright_wire.pose import Orientation, Pose
@@ -19,7 +19,7 @@ from armwright_wire.scenes.scene import Engine
 V = TypeVar("V")
 
 
-class FkOptions(ToolOptions, total=False):
+class FkOptions(HeldOptions, total=False):
     """Options of forward kinematics.
 
     Args:
@@ -36,7 +36,7 @@ class FkOptions(ToolOptions, total=False):
     fingers: Mapping[str, float | Sequence[float]] | None
 
 
-class JacobianOptions(ToolOptions, total=False):
+class JacobianOptions(HeldOptions, total=False):
     """Options of a Jacobian.
 
     Args:
@@ -94,7 +94,7 @@ class IkOptions(SceneOptions, total=False):
     keep: bool
 
 
-class VelocityOptions(ToolOptions, total=False):
+class VelocityOptions(HeldOptions, total=False):
     """Options of velocity kinematics.
 
     Args:
@@ -170,7 +170,7 @@ class ForwardDynamicsOptions(ModelOptions, Generic[V], total=False):
     wrench: VectorLike | None
 
 
-class WrenchOptions(ToolOptions, total=False):
+class WrenchOptions(HeldOptions, total=False):
     """Options of a wrench: where it is exerted.
 
     Args:

@@ -40,6 +40,16 @@ class ToolOptions(TypedDict, total=False):
     margins: Margins | None
 
 
+class HeldOptions(ToolOptions, total=False):
+    """Options of kinematics, where `link` may name what is held.
+
+    Args:
+        attached: Objects whose frames are links of their ids, each at its pose.
+    """
+
+    attached: Sequence[Attached | Options] | None
+
+
 class SceneOptions(ToolOptions, total=False):
     """Options of any request about a robot among obstacles.
 

@@ -19,7 +19,12 @@ from armwright_wire.base import (
     Vector3,
     Vector6,
 )
-from armwright_wire.robots.kinematics import TaskAxes, TaskVector, check_task_vectors
+from armwright_wire.robots.kinematics import (
+    TaskAxes,
+    TaskVector,
+    WithHeldFrames,
+    check_task_vectors,
+)
 from armwright_wire.robots.payload import Payload
 from armwright_wire.scenes.tool import WithTool
 
@@ -45,7 +50,7 @@ class Model(WithTool):
     """dry friction F at the joints [N m or N]; the robot's own if left out"""
 
 
-class WrenchRequest(WithTool, BodyWithRules):
+class WrenchRequest(WithHeldFrames, BodyWithRules):
     """A wrench that the tip exerts on its surroundings, or the joint torques that it takes."""
 
     one_of: ClassVar[tuple[str, ...]] = ("wrench", "torques")

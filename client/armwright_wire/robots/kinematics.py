@@ -52,7 +52,14 @@ MAX_TWISTS = 10_000
 FingerTrack = Annotated[list[Number], Field(min_length=1, max_length=MAX_BATCH)]
 
 
-class FkRequest(WithTool):
+class WithHeldFrames(WithTool):
+    """A request of kinematics that may name the frames of what is held."""
+
+    attached: AttachedObjects | None = None
+    """whose ids are links, each with its frame at its `pose`; no shape is needed"""
+
+
+class FkRequest(WithHeldFrames):
     """Configurations whose link poses are asked for."""
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
@@ -98,7 +105,7 @@ def check_task_vectors(vectors: Any, axes: Sequence[str] | None, name: str) -> N
             raise ValueError(f"{name} needs {count} numbers, one for each axis that counts, or six")
 
 
-class JacobianRequest(WithTool):
+class JacobianRequest(WithHeldFrames):
     """Configurations whose Jacobians are asked for."""
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
@@ -339,7 +346,7 @@ class IkAnswer(InFrame):
     plan_id: PlanId = None
 
 
-class VelocityRequest(WithTool, BodyWithRules):
+class VelocityRequest(WithHeldFrames, BodyWithRules):
     """Joint velocities, or the twist (linear, angular) that they are to cause."""
 
     one_of: ClassVar[tuple[str, ...]] = ("joint_velocities", "twist")

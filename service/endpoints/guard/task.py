@@ -168,6 +168,7 @@ def _gate(
         margin=body.margin,
         limits=limits,
         tracking=body.tracking,
+        chain=cell.chain,
     )
 
 

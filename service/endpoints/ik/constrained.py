@@ -60,7 +60,7 @@ def answer(
         InvalidLinkName: No such link.
     """
     robot = geometry if cell is None else cell.robot
-    chain = robot.chain
+    chain = robot.chain if cell is None else cell.chain
     T = None if pose is None else poses.transform(pose)
     pose_constraints = () if T is None else (_pose_constraint(T, body),)
     wanted = constraints.constraint_set(body.constraints, chain, *pose_constraints)

@@ -356,6 +356,8 @@ def ik(robot: Reference, scene: Reference | None, content: bytes) -> bytes | Tas
     check = None
     if body.scene is not None or body.attached:
         check = CollisionCheck(robot_in_scene(robot, scene, body, seed))
+        if body.link is not None and body.link not in chain.index:
+            chain = check.cell.chain
     notes = poses.notes_of(body, () if check is None else check.cell.notes).get("notes", [])
     if names_frame(content):
         body = ik_in_root_frame(body, Frames(chain, seed, body.frame))

@@ -16,6 +16,7 @@ from armwright_wire.robots.kinematics import (
     FkRequest,
     JacobianRequest,
     VelocityRequest,
+    WithHeldFrames,
 )
 from kinematics import pose as rotation
 from kinematics.arrays import Array
@@ -23,7 +24,7 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward, link_poses
 from kinematics.ik.numeric.numeric import AXES, Axis
 from kinematics.jacobian import analytic_zyz, geometric
-from kinematics.model.chain import Chain
+from kinematics.model.chain import Chain, with_frames
 from kinematics.pose import (
     compose,
     rpy_branches,
@@ -101,7 +102,26 @@ def fk(chain: Chain, body: FkRequest) -> bytes:
         InvalidRobotState: Wrong length.
         InvalidLinkName: No such link.
     """
+    chain = with_held(chain, body)
     return to_json(fk_document(chain, body, link_poses(chain, body.joints)))
+
+
+def with_held(chain: Chain, body: WithHeldFrames) -> Chain:
+    """Chain with the frames of a request's attached objects as links.
+
+    Raises:
+        InvalidLinkName: There is no link that holds one, or its id is a link's.
+        InvalidOption: One is attached by grasp_joints.
+    """
+    frames = []
+    for item in body.attached or ():
+        if item.pose is None:
+            raise InvalidOption(
+                f"attached object {item.id!r} has grasp_joints: where it is would need the scene",
+                hint="Give its pose in the frame of the link that holds it.",
+            )
+        frames.append((item.id, item.link, transform(item.pose)))
+    return with_frames(chain, frames)
 
 
 def fk_document(chain: Chain, body: FkRequest, poses: Array) -> dict[str, Any]:
@@ -185,6 +205,7 @@ def jacobian(chain: Chain, body: JacobianRequest) -> bytes:
         InvalidLinkName: No such link.
         InvalidOption: The zyz rates do not exist at a configuration.
     """
+    chain = with_held(chain, body)
     J = geometric(chain, body.joints, body.link, body.point)
     T = frame_transform(chain, body.joints, body.frame)
     if T is not None:
@@ -211,6 +232,7 @@ def jacobian(chain: Chain, body: JacobianRequest) -> bytes:
 
 def task_jacobian(chain: Chain, body: JacobianRequest | VelocityRequest | WrenchRequest) -> Array:
     """The rows of a request's Jacobian that count, in its frame, shape (..., m, n)."""
+    chain = with_held(chain, body)
     J = geometric(chain, body.joints, body.link, body.point)
     T = frame_transform(chain, body.joints, body.frame)
     if T is not None:

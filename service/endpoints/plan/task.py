@@ -232,7 +232,7 @@ def _posed(
         given: dict[str, Any] = {"fallback": None, **(body.planner_options or {})}
         body = body.model_copy(update={"planner_options": given})
     cell = _collision_cell(around, collisions)
-    problem = problems.problem(body, cell.robot, cell.scene)
+    problem = problems.problem(body, cell.robot, cell.scene, cell.chain)
     if collisions == "ignore":
         problem = dataclasses.replace(problem, field_cell=(around.robot, around.scene))
     return body, cell, problem
@@ -257,7 +257,7 @@ def validate(robot: Reference, scene: Reference | None, content: bytes) -> bytes
     limits = MotionLimits(
         timings.limits(body.limits, arm.chain), timings.effort_loads(body, arm.chain)
     )
-    wanted = constraint_set(constraints_in_root_frame(body.constraints, frames), arm.chain)
+    wanted = constraint_set(constraints_in_root_frame(body.constraints, frames), cell.chain)
     tool_motions = tool_motions_in_root_frame(body.tool_motions, frames)
     certificate = certify(
         motion,

@@ -1,5 +1,6 @@
 """Reach and base placement as requests ask for them, in workers."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -101,7 +102,10 @@ def reach(robot: Reference, scene: Reference | None, content: bytes) -> bytes | 
     """
     body = ReachRequest.model_validate_json(content)
     cell = robot_in_scene(robot, scene, body)
-    link = cell.robot.chain.link(body.link or cell.robot.chain.tip_link).name
+    arm = cell.robot
+    if body.link is not None and body.link not in arm.chain.index:
+        arm = replace(arm, chain=cell.chain)
+    link = arm.chain.link(body.link or arm.chain.tip_link).name
     grid = None if body.box is None else _grid(body)
     if body.format != "json" and (grid is None or grid.shape[3] != 1):
         raise InvalidOption("a picture shows one orientation", hint='Ask for "format": "json".')
@@ -120,13 +124,13 @@ def reach(robot: Reference, scene: Reference | None, content: bytes) -> bytes | 
     placements: list[BasePlacement] | None = None
     if candidates is None:
         found = evaluation.reach(
-            cell.robot, cell.scene, tasks, options,
+            arm, cell.scene, tasks, options,
             link=link, deadline=current.deadline(), report=_report,
         )  # fmt: skip
     else:
         _check_size(len(tasks), len(candidates))
         placements = place_base(
-            cell.robot, cell.scene, tasks, candidates, options,
+            arm, cell.scene, tasks, candidates, options,
             link=link, deadline=current.deadline(), report=_report,
         )  # fmt: skip
         if len(placements) < len(candidates):

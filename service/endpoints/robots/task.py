@@ -48,11 +48,12 @@ from obstacles.kept_files import keep_files_in, written_files
 from obstacles.robots.robot_geometry import RobotGeometry, hulled
 from obstacles.robots.visual_geometry import VisualBody, VisualGeometry, visual_geometry
 from obstacles.scenes.scene import Scene
-from service.endpoints.kinematics.task import fk_document
+from service.endpoints.kinematics.task import fk_document, with_held
 from service.storage.caches import disk_cache, prepared_files, worker_cache
 from service.storage.caches.cache_key import Reference
 from service.storage.caches.disk_cache import PreparedRobot
 from service.translate import poses
+from service.translate.poses import transform as pose_transform
 from service.translate.robots import limits, robots, tools
 from service.translate.robots.archive import read_archive
 from service.validation import validation_problem
@@ -77,8 +78,8 @@ def finger_poses(robot: Reference, content: bytes) -> bytes:
     """
     body = FkRequest.model_validate_json(content)
     geometry = worker_cache.robot(robot).geometry
-    poses = _with_fingers(geometry.chain, geometry.fingers, body)
-    return to_json(fk_document(geometry.chain, body, poses))
+    chain = with_held(geometry.chain, body)
+    return to_json(fk_document(chain, body, _with_fingers(chain, geometry.fingers, body)))
 
 
 def _with_fingers(chain: Chain, fingers: Fingers, body: FkRequest) -> Array:
@@ -91,6 +92,9 @@ def _with_fingers(chain: Chain, fingers: Fingers, body: FkRequest) -> Array:
         for name, T_joint_link in moved.items():
             T_root_joint = row[index[name]] @ inverse(chain.link(name).T_joint_link)
             row[index[name]] = T_root_joint @ T_joint_link
+        for item in body.attached or ():
+            assert item.pose is not None
+            row[index[item.id]] = row[index[item.link]] @ pose_transform(item.pose)
     return rows.reshape(poses.shape)
 
 

@@ -16,7 +16,6 @@ from kinematics.model.chain import Chain
 from kinematics.tree.srdf import state
 from obstacles.robots.allowed_pairs import deepest
 from obstacles.robots.robot_geometry import RobotGeometry
-from obstacles.scenes.scene import Scene
 from planning.options import MAX_TIMEOUT, Options
 from planning.problem import Goal
 from planning.result import Failure
@@ -24,7 +23,7 @@ from planning.tours import problem as domain
 from planning.tours.planner import plan_tour
 from planning.tours.result import Leg, Tour
 from planning.values.preferences import PreferredClearance
-from service.endpoints.attached_objects import robot_in_scene
+from service.endpoints.attached_objects import RobotInScene, robot_in_scene
 from service.endpoints.plan.task import refusal, reproducibility
 from service.endpoints.tasks.translation import reach_tolerance
 from service.fields import picked
@@ -48,8 +47,7 @@ from service.workers.task import GRACE, task
 
 def tour_problem(
     body: schema.TourRequest,
-    robot: RobotGeometry,
-    scene: Scene,
+    cell: RobotInScene,
     start: Array | None,
 ) -> domain.TourProblem:
     """The domain's tour, for a robot with what it holds.
@@ -60,7 +58,7 @@ def tour_problem(
         InvalidLinkName: A frame is unknown, or moves.
         InvalidOption: A tolerance has no sense.
     """
-    chain = robot.chain
+    robot, chain = cell.robot, cell.robot.chain
     frames = Frames(chain, start, body.frame)
     goals = tuple(
         domain.TourGoal(
@@ -80,14 +78,14 @@ def tour_problem(
     least = None if body.clearance is None else body.clearance.least
     return domain.TourProblem(
         robot,
-        scene,
+        cell.scene,
         goals,
         start,
         end,
         tuple((pair[0], pair[1]) for pair in body.precedence),
         body.margin if least is None else least,
         body.start_state_tolerance,
-        constraint_set(constraints_in_root_frame(body.constraints, frames), chain),
+        constraint_set(constraints_in_root_frame(body.constraints, frames), cell.chain),
     )
 
 
@@ -216,7 +214,7 @@ def tour(robot: Reference, scene: Reference | None, content: bytes) -> bytes | T
     if body.start is not None:
         start = configuration(body.start, geometry.chain, geometry.states, "start")
     cell = robot_in_scene(robot, scene, body, start)
-    problem = tour_problem(body, cell.robot, cell.scene, start)
+    problem = tour_problem(body, cell, start)
     deadline = current.deadline()
     if deadline.passed:
         return timed_out("the tour was begun", "configurations")

@@ -7,7 +7,7 @@ from pydantic import BaseModel
 from pydantic_core import from_json, to_json
 
 from armwright_wire.scenes.tool import BUILTIN_TOOLS
-from kinematics.errors import InvalidObjectName, InvalidOption
+from kinematics.errors import InvalidLinkName, InvalidObjectName, InvalidOption
 from service.storage.caches.cache_key import Mount
 
 #: Fields of requests that hold stages.
@@ -64,6 +64,14 @@ def mount_of(asked: Asked, stored: Callable[[str], bytes]) -> Mount | None:
     others = tuple((name, named[name]) for name in sorted({_name_of(one) for one in later}))
     margins = _field(asked, "margins")
     links = tuple(sorted((_field(margins, "links") or {}).items()))
+    for item in _field(asked, "attached") or ():
+        name, link = _field(item, "id"), _field(item, "link")
+        if name in dict(links):
+            raise InvalidLinkName(
+                f"margins.links: {name!r} is no link: it is attached to {link!r}",
+                hint="margin is kept by what is held too; margins.objects are obstacles' own.",
+                link=name,
+            )
     more = others, links, _field(margins, "own") or 0.0
     document = None if tool is None else named[_name_of(tool)]
     if tool is None and tcp is None:
