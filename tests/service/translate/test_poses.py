@@ -202,7 +202,7 @@ def request(**fields: Any) -> PlanRequest:
 def test_goals_of_each_form() -> None:
     pose = {"position": [1.0, 0.2, 0.0], "rpy": [0.0, 0.0, 0.3]}
     either = {"any_of": [{"joints": [0.1, 0.2]}, {"pose": pose, "position_tolerance": 0.01}]}
-    made = problem(request(goal=either, margin=0.02), ROBOT, ObstacleScene())
+    made = problem(request(goal=either, margin=0.02), ROBOT, ObstacleScene(), ROBOT.chain)
     assert made.margin == 0.02
     np.testing.assert_array_equal(made.start, [0.0, 0.1])
     first, second = made.goals
