@@ -10,9 +10,9 @@ from typing import Any, Generic, ParamSpec, TypeVar, overload
 
 from planning.values.deadline import Deadline
 
-#: Grace of tasks that mind their deadline themselves [s]: enough to tell what was tried, and too
-#: little for a client to notice.
-GRACE = 0.1
+#: Grace of tasks that mind their deadline themselves [s]: enough to tell what was tried, on a busy
+#: machine too, and too little for a client to notice.
+GRACE = 0.3
 #: The deadline of a job that may take any time.
 NEVER = Deadline(math.inf)
 
