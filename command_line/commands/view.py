@@ -22,6 +22,11 @@ if TYPE_CHECKING:
 #: Operation of a motion that is drawn with nothing but its certificate.
 _VALIDATE = "POST /v1/validate"
 
+#: The robot of a motion in a file.
+RobotOfFile = Annotated[
+    str | None, typer.Option(help="Robot of a file that does not hold it, as in `plan`.")
+]
+
 
 @command
 def view(
@@ -35,9 +40,7 @@ def view(
             "service at --url keeps.",
         ),
     ],
-    robot: Annotated[
-        str | None, typer.Option(help="Robot of a file that does not hold it, as in `plan`.")
-    ] = None,
+    robot: RobotOfFile = None,
     scene: Scene = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="The page; beside the file if left out.")
@@ -79,9 +82,7 @@ def replay(
             "--url keeps.",
         ),
     ],
-    robot: Annotated[
-        str | None, typer.Option(help="Robot of a file that does not hold it, as in `plan`.")
-    ] = None,
+    robot: RobotOfFile = None,
     scene: Scene = None,
     changes: Annotated[
         str | None,
