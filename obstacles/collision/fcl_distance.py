@@ -10,7 +10,7 @@ which proves a distance without FCL. Where that falls short of what FCL claims, 
 overlap, the distance is found anew.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -459,12 +459,11 @@ class OverlapMeter:
         beyond = [(item, depths[item.pair]) for item in self._measured]
         return [(i, depth) for i, depth in beyond if depth > i.touch_depth + DEPTH_TOLERANCE]
 
-    def report(self, configurations: Iterable[Array]) -> list[Overlap]:
-        """All pairs, measured ones with how deep they are in the deepest of configurations (n,)."""
+    def report(self, depths: Iterable[Mapping[Pair, float]]) -> list[Overlap]:
+        """All pairs, measured ones with the greatest of their ``depths`` in configurations [m]."""
         deepest: dict[Pair, float] = {}
-        for q in configurations:
-            for pair, depth in self.depths(q).items():
-                deepest[pair] = max(depth, deepest.get(pair, 0.0))
+        for pair, depth in (item for measured in depths for item in measured.items()):
+            deepest[pair] = max(depth, deepest.get(pair, 0.0))
         return [Overlap(item.pair, item.reason, deepest.get(item.pair)) for item in self.pairs]
 
     @staticmethod

@@ -69,7 +69,8 @@ class RobotInScene:
 
     def overlaps(self, configurations: Iterable[Array]) -> list[dict[str, Any]]:
         """The same pairs with how deep they are in the deepest of some configurations (n,)."""
-        return allowed_answer(OverlapMeter(self.robot, self.scene).report(configurations))
+        meter = OverlapMeter(self.robot, self.scene)
+        return allowed_answer(meter.report(map(meter.depths, configurations)))
 
 
 class SceneRequest(Protocol):

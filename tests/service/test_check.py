@@ -86,7 +86,7 @@ def test_a_margin_concerns_obstacles_and_not_the_links_of_the_arm(client: httpx.
 def test_time_that_is_up_is_told_with_what_was_checked(client: httpx.Client) -> None:
     """It cost the worker: nothing looked at the deadline."""
     joints = np.random.default_rng(0).uniform(-2.5, 2.5, (5000, 7)).tolist()
-    body = {"robot": "panda", "joints": joints, "timeout": 2.0}
+    body = {"robot": "panda", "joints": joints, "timeout": 5.0}
     told = problem(client.post("/v1/check", json=body), 504, "TIMED_OUT")
     assert "of 5000 configurations were checked" in told["detail"]
     assert "depth" in told["hint"]

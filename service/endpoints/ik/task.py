@@ -272,7 +272,8 @@ class CollisionCheck:
 
     def told(self, answers: list[dict[str, Any]]) -> list[dict[str, Any]]:
         """Pairs that are not kept apart, with how deep they are in the deepest of some answers."""
-        return allowed_answer(self._meter.report(np.array(answer["joints"]) for answer in answers))
+        depths = [self._meter.depths(np.array(answer["joints"])) for answer in answers]
+        return allowed_answer(self._meter.report(depths))
 
     def apply(self, answers: list[dict[str, Any]], *, everything: bool) -> list[dict[str, Any]]:
         """Solutions with their collisions, usable ones first.

@@ -352,7 +352,7 @@ def test_a_ball_in_a_box_is_as_deep_as_it_is(seed: int) -> None:
         PANDA, aw.Scene([block]), [aw.Attachment(ball, "panda_hand", ("block",), limit)]
     )
     meter = OverlapMeter(holding.robot, holding.scene)
-    told = {item.pair: item.overlap for item in meter.report([HOME])}
+    told = {item.pair: item.overlap for item in meter.report([meter.depths(HOME)])}
     assert told["ball", "block"] == pytest.approx(max(depth, 0.0), abs=1e-6)
     assert told["panda_link3", "panda_link4"] is None
     report = configuration_checker(holding.robot, holding.scene).check(HOME)
@@ -372,7 +372,7 @@ def test_a_ball_in_a_box_is_as_deep_as_it_is(seed: int) -> None:
 def test_of_several_motions_the_deepest_counts() -> None:
     one = aw.Scene([aw.Obstacle("a", aw.Sphere(0.1), HAND)], [("panda_hand", "a")])
     meter = OverlapMeter(PANDA, one)
-    shallow, deep = meter.report([HOME + 0.1]), meter.report([HOME])
+    shallow, deep = meter.report([meter.depths(HOME + 0.1)]), meter.report([meter.depths(HOME)])
     depths = [{item.pair: item.overlap for item in told} for told in (shallow, deep)]
     merged = {item.pair: item.overlap for item in deepest(shallow, deep)}
     pair = ("a", "panda_hand")
