@@ -51,7 +51,6 @@ from kinematics.ik.closed_form.structure import (
     Problem,
 )
 from kinematics.ik.numeric.dls_step import (
-    StepWorkspace,
     error_kernel,
     quadrant_kernel,
     step_within_kernel,
@@ -221,7 +220,7 @@ def refine_kernel(
     """
     n = q.shape[0]
     J, e, trial = np.empty((6, n)), np.empty(6), np.empty(n)
-    room = StepWorkspace(np.empty(n, dtype=np.int64), np.empty((n, n)), np.empty(max(n, 6)))
+    free = np.empty(n, dtype=np.int64)
     B = frame_and_jacobian_kernel(model, q, link, J)
     error = error_kernel(B, T)
     position, orientation = size_kernel(error)
@@ -234,7 +233,7 @@ def refine_kernel(
             J[:, held] = 0.0
         for k in range(6):
             e[k] = error[k]
-        step_within_kernel(J, e, q, lower, upper, mu * square + 1e-14, room, trial)
+        step_within_kernel(J, e, q, lower, upper, mu * square + 1e-14, free, trial)
         error_after = error_kernel(tip_kernel(model, trial, link), T)
         a, b = size_kernel(error_after)
         after = a * a + b * b

@@ -4,10 +4,8 @@ Chains are read from ``Chain.model``, poses as frames of twelve numbers.
 """
 
 import math
-from typing import NamedTuple
 
 from compiled.kernel import kernel
-from compiled.linear_solve import cholesky_solve_kernel
 from compiled.simd import Conditions, Lanes, anywhere, choose
 from kinematics.arrays import Array, Indices
 from kinematics.frame import Frame
@@ -15,20 +13,6 @@ from kinematics.frame import Frame
 Error = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
 #: The lower half of a symmetric matrix of six rows, by rows.
 Square = tuple[Lanes, ...]
-
-
-class StepWorkspace(NamedTuple):
-    """Arrays that a damped step is worked out in.
-
-    Args:
-        free: Joints that are free to move, shape (n,).
-        H: J^T J + damping I of fewer than six joints, shape (n, n).
-        g: J^T e, then the step; shape (n,), of six numbers at least.
-    """
-
-    free: Indices
-    H: Array
-    g: Array
 
 
 @kernel(inline="code")
@@ -186,15 +170,15 @@ def project_kernel(column: Error, e: Error) -> Lanes:
 
 @kernel(allocates=False)
 def step_within_kernel(
-    J: Array, e: Array, q: Array, lower: Array, upper: Array, damping: float, room: StepWorkspace,
+    J: Array, e: Array, q: Array, lower: Array, upper: Array, damping: float, free: Indices,
     out: Array,
 ) -> None:  # fmt: skip
     """Write the damped step from q, clipped to the limits, into ``out``.
 
     (J^T J + damping I) dq = J^T e over the joints that are free to move: one at a limit that e
-    pushes outwards is left out. A chain of six joints and more has it as J^T x from the smaller
-    (J J^T + damping I) x = e: where fewer are free, x is large across what J reaches, but not so
-    large that rounding of J^T x, about 1e-16 |e| / damping, would matter.
+    pushes outwards is left out. It is J^T x of (J J^T + damping I) x = e: where fewer than six are
+    free, x is large across what J reaches, but not so large that rounding of J^T x, about
+    1e-16 |e| / damping, would matter.
 
     Args:
         J: Jacobian, shape (6, n).
@@ -203,10 +187,9 @@ def step_within_kernel(
         lower: Lower limits, shape (n,).
         upper: Upper limits, shape (n,).
         damping: Damping term.
-        room: Workspace.
+        free: Work array, shape (n,).
         out: The answer, shape (n,).
     """
-    free, H, g = room
     n, count = q.shape[0], 0
     error = (e[0], e[1], e[2], e[3], e[4], e[5])
     for j in range(n):
@@ -217,23 +200,11 @@ def step_within_kernel(
                 continue
         free[count] = j
         count += 1
-    if n >= 6:
-        A = diagonal_kernel(damping, 0.0)
-        for a in range(count):
-            A = add_outer_kernel(A, column_kernel(J, free[a]))
-        x = factor_solve_kernel(A, error)
-        for a in range(count):
-            j = free[a]
-            step = project_kernel(column_kernel(J, j), x)
-            out[j] = min(max(q[j] + step, lower[j]), upper[j])
-        return
+    A = diagonal_kernel(damping, 0.0)
     for a in range(count):
-        column = column_kernel(J, free[a])
-        g[a] = project_kernel(column, error)
-        for b in range(a + 1):
-            H[a, b] = project_kernel(column, column_kernel(J, free[b]))
-        H[a, a] += damping
-    cholesky_solve_kernel(H, g, count)
+        A = add_outer_kernel(A, column_kernel(J, free[a]))
+    x = factor_solve_kernel(A, error)
     for a in range(count):
         j = free[a]
-        out[j] = min(max(q[j] + g[a], lower[j]), upper[j])
+        step = project_kernel(column_kernel(J, j), x)
+        out[j] = min(max(q[j] + step, lower[j]), upper[j])

@@ -12,12 +12,7 @@ from compiled.sincos import TURNS, few_turns_kernel, turn_at_kernel
 from kinematics.arrays import Array
 from kinematics.forward import finite_kernel
 from kinematics.frame import IDENTITY, Frame, compose_kernel, frame_kernel, move_kernel
-from kinematics.ik.numeric.dls_step import (
-    Error,
-    StepWorkspace,
-    error_kernel,
-    step_within_kernel,
-)
+from kinematics.ik.numeric.dls_step import Error, error_kernel, step_within_kernel
 from kinematics.jacobian import frame_and_jacobian_kernel
 from kinematics.model.chain import MAX_JOINTS
 from kinematics.simd_frames import FRAME, FRAME_SIZE, load_frame_kernel
@@ -56,10 +51,6 @@ _MASKED = 32
 TABLE_SEED = 1
 #: Numbers of a Jacobian.
 _JACOBIAN_SIZE = 6 * MAX_JOINTS
-#: Joints at most of a step that is solved for in their space; see ``dls_step``.
-_FEW_JOINTS = 5
-#: Numbers of J^T J for so many joints.
-_FEW_SIZE = _FEW_JOINTS * _FEW_JOINTS
 #: Numbers of what ``pick_kernel`` works in: two vectors.
 NEAR_SIZE = 2 * LANES
 #: Weight of a radian against a reach of metres.
@@ -296,9 +287,7 @@ def search_kernel(  # noqa: C901, PLR0912, PLR0915
     q, trial = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
     J = on_stack(_JACOBIAN_SIZE)[: 6 * n].reshape((6, n))
     J_trial = on_stack(_JACOBIAN_SIZE)[: 6 * n].reshape((6, n))
-    H = on_stack(_FEW_SIZE).reshape((_FEW_JOINTS, _FEW_JOINTS))
-    room = StepWorkspace(on_stack(MAX_JOINTS).view(np.int64), H, on_stack(MAX_JOINTS))
-    e, near = on_stack(6), on_stack(NEAR_SIZE)
+    free, e, near = on_stack(MAX_JOINTS).view(np.int64), on_stack(6), on_stack(NEAR_SIZE)
     lower, upper = space.bounds[0], space.bounds[1]
     for j in range(n):
         q[j] = min(max(start[j], lower[j]), upper[j])
@@ -320,7 +309,7 @@ def search_kernel(  # noqa: C901, PLR0912, PLR0915
             if position <= position_tolerance and rotation <= orientation_tolerance:
                 break
             damping = mu * square + LEAST_DAMPING
-            step_within_kernel(J, e, q, lower, upper, damping, room, trial)
+            step_within_kernel(J, e, q, lower, upper, damping, free, trial)
             steps += 1
             B = frame_and_jacobian_kernel(model, trial, link, J_trial)
             weighed, after, position_after, rotation_after = weigh_kernel(

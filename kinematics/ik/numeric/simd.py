@@ -7,7 +7,6 @@ of the batch. Only the beginnings of starts, once in many steps, are made for ea
 Damped steps of the numeric method for eight poses at a time, one in each SIMD lane.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -107,31 +106,17 @@ class LaneSearch(NamedTuple):
     state: Array
 
 
-class LaneRoom(NamedTuple):
-    """Workspace of a step.
-
-    Args:
-        mask: 1 for each joint that is free to move, shape (8 n,).
-        H: J^T J + damping I of fewer than six joints, shape (8 n n,).
-        g: J^T e, then the step, shape (8 n,).
-    """
-
-    mask: Array
-    H: Array
-    g: Array
-
-
 @kernel(allocates=False)
-def propose_kernel(bounds: Array, search: LaneSearch, start: Array, room: LaneRoom) -> None:
+def propose_kernel(bounds: Array, search: LaneSearch, start: Array, mask: Array) -> None:
     """Write the step of every lane, as ``dls_step.step_within_kernel`` has it, or its start.
 
     Args:
         bounds: Limits of the joints, see ``SearchSpace``.
         search: The searches; the steps go into ``trial``.
         start: Configurations that new starts begin at, shape (8 n,).
-        room: Workspace.
+        mask: Work array: 1 for each joint that is free to move, shape (8 n,).
     """
-    J, q, state, mask, g = search.J, search.q, search.state, room.mask, room.g
+    J, q, state = search.J, search.q, search.state
     lower, upper = bounds[0], bounds[1]
     n = lower.shape[0]
     error = load_column_kernel(search.e, 0)
@@ -147,62 +132,14 @@ def propose_kernel(bounds: Array, search: LaneSearch, start: Array, room: LaneRo
             c0, c1, c2, c3, c4, c5 = column
             column = moves * c0, moves * c1, moves * c2, moves * c3, moves * c4, moves * c5
         store(mask, LANES * j, moves)
-        if n >= 6:
-            A = add_outer_kernel(A, column)
-    if n >= 6:
-        x = factor_solve_kernel(A, error)
-        for j in range(n):
-            store(g, LANES * j, project_kernel(load_column_kernel(J, COLUMN_SIZE * j), x))
-    else:
-        primal_lanes_kernel(J, error, mask, damping, n, room.H, g)
+        A = add_outer_kernel(A, column)
+    x = factor_solve_kernel(A, error)
     for j in range(n):
         at = LANES * j
-        step, value = load(g, at), load(q, at)
+        step, value = project_kernel(load_column_kernel(J, COLUMN_SIZE * j), x), load(q, at)
         moved = min(max(value + step, lower[j]), upper[j])
         moved = choose(load(mask, at) > 0.0, moved, value)
         store(search.trial, at, choose(fresh, load(start, at), moved))
-
-
-@kernel(allocates=False)
-def primal_lanes_kernel(
-    J: Array, e: Error, mask: Array, damping: float, n: int, H: Array, g: Array
-) -> None:
-    """Solve (J^T J + damping I) g = J^T e of the free joints, as ``cholesky_solve_kernel``.
-
-    A joint that is not free has a row of the identity; what it adds to others is 0.
-    """
-    for a in range(n):
-        m = load(mask, LANES * a)
-        j0, j1, j2, j3, j4, j5 = load_column_kernel(J, COLUMN_SIZE * a)
-        j0, j1, j2, j3, j4, j5 = m * j0, m * j1, m * j2, m * j3, m * j4, m * j5
-        store(g, LANES * a, j0 * e[0] + j1 * e[1] + j2 * e[2] + j3 * e[3] + j4 * e[4] + j5 * e[5])
-        for b in range(a + 1):
-            k0, k1, k2, k3, k4, k5 = load_column_kernel(J, COLUMN_SIZE * b)
-            entry = j0 * k0 + j1 * k1 + j2 * k2 + j3 * k3 + j4 * k4 + j5 * k5
-            if a == b:
-                entry = choose(m > 0.0, entry + damping, 1.0)
-            store(H, LANES * (a * n + b), load(mask, LANES * b) * entry if a != b else entry)
-    for i in range(n):
-        for j in range(i):
-            total = load(H, LANES * (i * n + j))
-            for k in range(j):
-                total = total - load(H, LANES * (i * n + k)) * load(H, LANES * (j * n + k))
-            store(H, LANES * (i * n + j), total * load(H, LANES * (j * n + j)))
-        total = load(H, LANES * (i * n + i))
-        for k in range(i):
-            entry = load(H, LANES * (i * n + k))
-            total = total - entry * entry
-        store(H, LANES * (i * n + i), 1.0 / math.sqrt(max(total, 1e-300)))
-    for i in range(n):
-        total = load(g, LANES * i)
-        for k in range(i):
-            total = total - load(H, LANES * (i * n + k)) * load(g, LANES * k)
-        store(g, LANES * i, total * load(H, LANES * (i * n + i)))
-    for i in range(n - 1, -1, -1):
-        total = load(g, LANES * i)
-        for k in range(i + 1, n):
-            total = total - load(H, LANES * (k * n + i)) * load(g, LANES * k)
-        store(g, LANES * i, total * load(H, LANES * (i * n + i)))
 
 
 @kernel(allocates=False)
@@ -310,9 +247,9 @@ def numeric_simd_kernel(
         np.zeros(FRAME_SIZE),
     )
     q, trial, start, state = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(STATE_SIZE)
-    cosines, sines, draws = np.zeros(size), np.zeros(size), np.zeros((LANES, 1), dtype=np.uint64)
+    cosines, sines, mask = np.zeros(size), np.zeros(size), np.zeros(size)
+    draws = np.zeros((LANES, 1), dtype=np.uint64)
     search, lanes = LaneSearch(J, e, q, trial, state), _LaneStarts(T, start, state, draws)
-    room = LaneRoom(np.zeros(size), np.zeros(n * size), np.zeros(size))
     near, own, draw = np.zeros(NEAR_SIZE), np.zeros(n), np.zeros(n)
     poses, attempts = np.zeros(LANES, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
     following, active = 0, 0
@@ -321,7 +258,7 @@ def numeric_simd_kernel(
         poses[lane], attempts[lane] = lane, 0
         following, active = following + 1, active + 1
     while active > 0:
-        propose_kernel(bounds, search, start, room)
+        propose_kernel(bounds, search, start, mask)
         turns_kernel(trial, cosines, sines)
         B = axes_lanes_kernel(model, trial, cosines, sines, link, joint_axes)
         over = judge_kernel(space, settings, last, B, T, joint_axes, search)
