@@ -78,10 +78,7 @@ def gather_kernel(q: Array, lanes: Array) -> None:
             load(numbers, 4 * n), load(numbers, 5 * n), load(numbers, 6 * n),
             load_few(numbers, 7 * n, n),
         ))  # fmt: skip
-        store(lanes, 0, c0)
-        store(lanes, LANES, c1)
-        store(lanes, 2 * LANES, c2)
-        store(lanes, 3 * LANES, c3)
+        store_rows_kernel(lanes, 0, LANES, (c0, c1, c2, c3))
         if n > 4:
             store(lanes, 4 * LANES, c4)
         if n > 5:
@@ -123,16 +120,11 @@ def load_rows_kernel(array: Array, at: int, stride: int) -> Eight:
 
 
 @kernel(inline="code")
-def store_rows_kernel(array: Array, at: int, stride: int, rows: Eight) -> None:
-    """Write eight vectors into a contiguous array (k,), ``stride`` numbers apart."""
-    store(array, at, rows[0])
-    store(array, at + stride, rows[1])
-    store(array, at + 2 * stride, rows[2])
-    store(array, at + 3 * stride, rows[3])
-    store(array, at + 4 * stride, rows[4])
-    store(array, at + 5 * stride, rows[5])
-    store(array, at + 6 * stride, rows[6])
-    store(array, at + 7 * stride, rows[7])
+def store_rows_kernel(array: Array, at: int, stride: int, rows: tuple[Lanes, ...]) -> None:
+    """Write vectors into a contiguous array (k,), ``stride`` numbers apart."""
+    for row in rows:
+        store(array, at, row)
+        at += stride
 
 
 def _exchanged(builder: Any, vectors: list[Any], width: int) -> list[Any]:

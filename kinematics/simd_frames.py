@@ -77,7 +77,7 @@ def axes_lanes_kernel(
     for j in range(int(model[row, 0]) + 1):
         at = LANES * j
         B = move_kernel(model, 1 + j, load(q, at), load(cosines, at), load(sines, at), B)
-        store_column_kernel(axes, COLUMN_SIZE * j, (B[3], B[7], B[11], B[2], B[6], B[10]))
+        store_rows_kernel(axes, COLUMN_SIZE * j, LANES, (B[3], B[7], B[11], B[2], B[6], B[10]))
     return compose_kernel(B, model, row)
 
 
@@ -110,13 +110,7 @@ def jacobians_lanes_kernel(model: Array, q: Array, link: int, J: Array, room: Ar
     B = axes_lanes_kernel(model, values, cosines, sines, link, axes)
     for j in range(n):
         column = column_lanes_kernel(model, axes, j, last, B)
-        at = LANES * j
-        store(rows, at, column[0])
-        store(rows, at + size, column[1])
-        store(rows, at + 2 * size, column[2])
-        store(rows, at + 3 * size, column[3])
-        store(rows, at + 4 * size, column[4])
-        store(rows, at + 5 * size, column[5])
+        store_rows_kernel(rows, LANES * j, size, column)
     # By way of the axes, which are read no more: a batch that is too large for the cache is written
     # from the first to the last byte, which memory likes better than eight places in turn.
     scatter_kernel(rows, axes)
@@ -134,42 +128,9 @@ def load_column_kernel(J: Array, at: int) -> Column:
 
 
 @kernel(inline="code")
-def store_column_kernel(J: Array, at: int, column: Column) -> None:
-    """Write the six vectors of a column from an index on."""
-    store(J, at, column[0])
-    store(J, at + LANES, column[1])
-    store(J, at + 2 * LANES, column[2])
-    store(J, at + 3 * LANES, column[3])
-    store(J, at + 4 * LANES, column[4])
-    store(J, at + 5 * LANES, column[5])
-
-
-@kernel(inline="code")
 def load_frame_kernel(frames: Array, at: int) -> Frame:
     """The twelve vectors of eight frames that begin at an index."""
-    return (
-        load(frames, at), load(frames, at + LANES), load(frames, at + 2 * LANES),
-        load(frames, at + 3 * LANES), load(frames, at + 4 * LANES), load(frames, at + 5 * LANES),
-        load(frames, at + 6 * LANES), load(frames, at + 7 * LANES), load(frames, at + 8 * LANES),
-        load(frames, at + 9 * LANES), load(frames, at + 10 * LANES), load(frames, at + 11 * LANES),
-    )  # fmt: skip
-
-
-@kernel(inline="code")
-def store_frame_kernel(frames: Array, at: int, B: Frame) -> None:
-    """Write the twelve vectors of eight frames from an index on."""
-    store(frames, at, B[0])
-    store(frames, at + LANES, B[1])
-    store(frames, at + 2 * LANES, B[2])
-    store(frames, at + 3 * LANES, B[3])
-    store(frames, at + 4 * LANES, B[4])
-    store(frames, at + 5 * LANES, B[5])
-    store(frames, at + 6 * LANES, B[6])
-    store(frames, at + 7 * LANES, B[7])
-    store(frames, at + 8 * LANES, B[8])
-    store(frames, at + 9 * LANES, B[9])
-    store(frames, at + 10 * LANES, B[10])
-    store(frames, at + 11 * LANES, B[11])
+    return load_column_kernel(frames, at) + load_column_kernel(frames, at + COLUMN_SIZE)
 
 
 @kernel(allocates=False, inline="code")
@@ -199,9 +160,9 @@ def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> Non
                 model, 1 + joint, load(values, at), load(cosines, at), load(sines, at), B
             )
         if at_joint_kernel(model, row):
-            store_frame_kernel(frames, FRAME_SIZE * link, B)
+            store_rows_kernel(frames, FRAME_SIZE * link, LANES, B)
         else:
-            store_frame_kernel(frames, FRAME_SIZE * link, compose_kernel(B, model, row))
+            store_rows_kernel(frames, FRAME_SIZE * link, LANES, compose_kernel(B, model, row))
     stream_lanes_kernel(frames, poses.reshape(poses.size), count)
 
 

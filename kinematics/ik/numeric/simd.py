@@ -14,6 +14,7 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.random import State
 from compiled.simd import LANES, Conditions, anywhere, bits, choose, fill, load, on_stack, store
+from compiled.simd_transpose import store_rows_kernel
 from compiled.sincos import turns_kernel
 from kinematics.arrays import Array, Indices
 from kinematics.frame import Frame, frame_kernel
@@ -54,7 +55,6 @@ from kinematics.simd_frames import (
     column_lanes_kernel,
     load_column_kernel,
     load_frame_kernel,
-    store_column_kernel,
 )
 
 # Rows of vectors that the search keeps of its lanes, by the index of their first number.
@@ -167,12 +167,12 @@ def judge_kernel(
     square = choose(accepted, after, square)
     position = choose(accepted, position, load(state, POSITION))
     rotation = choose(accepted, rotation, load(state, ROTATION))
-    store_column_kernel(e, 0, _accept_lanes(accepted, weighed, load_column_kernel(e, 0)))
+    store_rows_kernel(e, 0, LANES, _accept_lanes(accepted, weighed, load_column_kernel(e, 0)))
     for j in range(trial.shape[0] // LANES):
         at = COLUMN_SIZE * j
         column = column_lanes_kernel(space.model, joint_axes, j, last, B)
         column = weigh_column_kernel(column, T, axes, w)
-        store_column_kernel(J, at, _accept_lanes(accepted, column, load_column_kernel(J, at)))
+        store_rows_kernel(J, at, LANES, _accept_lanes(accepted, column, load_column_kernel(J, at)))
         store(q, LANES * j, choose(accepted, load(trial, LANES * j), load(q, LANES * j)))
     mu = load(state, MU)
     mu = choose(fresh, DAMPING, choose(gains, max(LESS * mu, LEAST_MU), MORE * mu))

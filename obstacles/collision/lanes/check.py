@@ -16,6 +16,7 @@ from compiled.simd import (
     on_stack,
     store,
 )
+from compiled.simd_transpose import store_rows_kernel
 from compiled.sincos import turns_kernel
 from kinematics.arrays import Array
 from kinematics.frame import move_kernel
@@ -23,7 +24,6 @@ from kinematics.simd_frames import (
     FRAME_SIZE,
     identity_lanes_kernel,
     load_frame_kernel,
-    store_frame_kernel,
 )
 from obstacles.collision.edge_check import FREE, ROUNDING_ERROR
 from obstacles.collision.lanes.distance import (
@@ -144,7 +144,7 @@ def write_frames(chain: Array, lanes: Array) -> None:
     for j in range(n):
         at = LANES * j
         B = move_kernel(chain, 1 + j, load(q, at), load(cosines, at), load(sines, at), B)
-        store_frame_kernel(lanes, 3 * size + FRAME_SIZE * j, B)
+        store_rows_kernel(lanes, 3 * size + FRAME_SIZE * j, LANES, B)
     turn = on_stack(_THREE)
     for k in range(int(chain[0, 2])):
         row = int(chain[0, 3]) + 2 * k
@@ -156,7 +156,7 @@ def write_frames(chain: Array, lanes: Array) -> None:
         store(turn, 0, value)
         turns_kernel(turn[:LANES], turn[LANES : 2 * LANES], turn[2 * LANES :])
         B = move_kernel(chain, row, value, load(turn, LANES), load(turn, 2 * LANES), B)
-        store_frame_kernel(lanes, 3 * size + FRAME_SIZE * (n + k), B)
+        store_rows_kernel(lanes, 3 * size + FRAME_SIZE * (n + k), LANES, B)
 
 
 @kernel(allocates=False, inline="always")

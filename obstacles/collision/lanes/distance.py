@@ -18,6 +18,7 @@ from compiled.simd import (
     on_stack,
     store,
 )
+from compiled.simd_transpose import store_rows_kernel
 from kinematics.arrays import Array
 from kinematics.simd_frames import FRAME_SIZE, load_frame_kernel
 from obstacles.collision.model.kernel_work import BALL_SIZE, Workspace
@@ -172,9 +173,7 @@ def place_balls(model: ModelArrays, work: Workspace, row: int) -> None:
     rows, at = model.robot, _first_of(model, work, row)
     x, y, z = rows[row, CENTER], rows[row, CENTER + 1], rows[row, CENTER + 2]
     p = moved(work.lanes, frame_at(work, model.joints[row]), x, y, z)
-    store(work.lanes, at, p[0])
-    store(work.lanes, at + LANES, p[1])
-    store(work.lanes, at + 2 * LANES, p[2])
+    store_rows_kernel(work.lanes, at, LANES, p)
 
 
 @kernel(allocates=False, inline="code")
