@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from armwright_client.version import VERSION as _VERSION
 
 if TYPE_CHECKING:
+    from armwright_client.public_classes import *
     from armwright_client.public_names import *
 
 __version__ = _VERSION
@@ -19,8 +20,16 @@ __version__ = _VERSION
 def _load(name: str) -> object:
     if name.startswith("_") and name != "__all__":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = vars(import_module(f"{__name__}.public_names"))
-    public = {one: value for one, value in found.items() if not one.startswith("_")}
+    classes, names = (
+        vars(import_module(f"{__name__}.{one}")).items()
+        for one in ("public_classes", "public_names")
+    )
+    public = {
+        one: value
+        for one, value in classes
+        if isinstance(value, type) and value.__module__.startswith("armwright_")
+    }
+    public |= {one: value for one, value in names if not one.startswith("_")}
     globals().update(public, __all__=sorted(public))
     if name not in globals():
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

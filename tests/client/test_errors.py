@@ -11,7 +11,7 @@ import pytest
 
 import armwright_client
 import armwright_client as ours
-from armwright_client import errors, public_names
+from armwright_client import errors
 from armwright_client.errors import BY_CODE, ApiError, from_problem
 from armwright_client.job import EventReader
 from armwright_wire.base import Wire
@@ -138,7 +138,7 @@ def test_every_error_and_every_model_is_exported() -> None:
     for module in modules():
         for name, value in vars(module).items():
             if isinstance(value, type) and issubclass(value, Wire) and name == value.__name__:
-                exported = value in vars(public_names).values()
+                exported = value in vars(armwright_client).values()
                 assert exported or name in INNER, name
 
 

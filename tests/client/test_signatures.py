@@ -16,7 +16,6 @@ from armwright_client import (
     JobEvent,
     Pending,
     Plan,
-    public_names,
 )
 from armwright_client.robots import robot as uploads
 from armwright_wire.base import Body, Wire
@@ -56,7 +55,7 @@ def test_methods_can_be_looked_at_and_called_on_the_class() -> None:
 
 
 def test_names_shadow_nothing_usual() -> None:
-    exported = {name for name in vars(public_names) if name[0].isupper()}
+    exported = {name for name in vars(armwright_client)["__all__"] if name[0].isupper()}
     for name in USUAL:
         module = importlib.import_module(name)
         public = getattr(module, "__all__", [one for one in dir(module) if one[0] != "_"])

@@ -51,7 +51,7 @@ MAX_STAGES = 200
 #: Grasps or places of one stage.
 MAX_TARGETS = 10_000
 
-Samples = Annotated[int, Field(ge=1, le=1_000)]
+SampleCount = Annotated[int, Field(ge=1, le=1_000)]
 Labels = Annotated[list[Label], Field(max_length=100)]
 Distance = Annotated[
     list[Annotated[Positive, Field(le=10.0)]],
@@ -256,9 +256,9 @@ class GraspRegion(Body):
     """[least, largest] angle about it [rad]"""
     offsets: Range = Field([0.0, 0.0])
     """[least, largest] way along it [m]"""
-    angle_samples: Samples = 18
+    angle_samples: SampleCount = 18
     """angles that are tried"""
-    offset_samples: Samples = 1
+    offset_samples: SampleCount = 1
     """offsets that are tried"""
 
 
@@ -326,9 +326,9 @@ class GraspStage(StageBody, BodyWithRules):
 class RestingPlaces(Body):
     """Poses of the object on the flat tops of its supports, each face down that it stands on."""
 
-    samples: Annotated[list[Samples], Field(min_length=2, max_length=2)] = Field([3, 3])
+    samples: Annotated[list[SampleCount], Field(min_length=2, max_length=2)] = Field([3, 3])
     """spots along x and y of the surface"""
-    angle_samples: Samples = 4
+    angle_samples: SampleCount = 4
     """turns that are tried at each"""
 
 
@@ -350,7 +350,7 @@ class PlaceGrid(Body):
     """of the first object"""
     step: Point
     """from one to the next along x, y and z of the pose [m]"""
-    count: Annotated[list[Samples], Field(min_length=3, max_length=3)] = Field([1, 1, 1000])
+    count: Annotated[list[SampleCount], Field(min_length=3, max_length=3)] = Field([1, 1, 1000])
     """along x, y and z; along x first"""
     first: Annotated[int, Field(ge=0)] = 0
     """number of the first free place"""
