@@ -188,29 +188,36 @@ def branches(
     T = contiguous(target, "the target")
     values = _OF_SEED if parameters is None else _parameters(parameters)
     if T.shape == _POSE and seeds.ndim == 1 and values.ndim == 1:
-        table = np.empty((_ROWS * values.shape[0], chain.n + MORE))
+        table = np.empty((_ROWS * len(values), chain.n + MORE))
         count = direct_branches(arm, T, seeds, values, tolerance, many, table)
         if count >= 0:
             return Branches(form, chain.n, table[:count])
     chain.configuration(seeds, "seed_joints")
     if T.shape[-2:] != _POSE or not np.isfinite(T).all():
         raise InvalidPose("the target must be a finite 4x4 transform, or a batch of them")
-    T = T.reshape(-1, 4, 4)
-    m = T.shape[0]
+    return _of_many(form, arm, T.reshape(-1, 4, 4), seeds, values, tolerance, many, threads)
+
+
+def _of_many(
+    form: Structure, arm: Arm, T: Array, seeds: Array, values: Array, tolerance: float, enough: int,
+    threads: int | None,
+) -> Branches:  # fmt: skip
+    """Branches of a batch, as ``branches`` has them: variables of a closure cost single poses."""
+    m, n = T.shape[0], arm.lower.shape[0]
     try:
-        seeds = np.ascontiguousarray(np.broadcast_to(seeds, (m, chain.n)))
+        seeds = np.ascontiguousarray(np.broadcast_to(seeds, (m, n)))
         values = np.ascontiguousarray(np.broadcast_to(values, (m, values.shape[-1])))
     except ValueError:
         raise InvalidOption(f"seeds and parameters must be one or {m}, as the poses are") from None
-    table = np.empty((m, _ROWS * values.shape[1], chain.n + MORE))
+    table = np.empty((m, _ROWS * values.shape[1], n + MORE))
     counts = np.zeros(m, dtype=np.int64)
 
     def part(k: slice) -> None:
-        rows = T[k], seeds[k], values[k], tolerance, many, table[k], counts[k]
+        rows = T[k], seeds[k], values[k], tolerance, enough, table[k], counts[k]
         directly(branches_batch_kernel, arm, *rows)
 
     shared(part, m, threads)
-    return Branches(form, chain.n, table, counts)
+    return Branches(form, n, table, counts)
 
 
 @lru_cache(maxsize=256)

@@ -161,10 +161,11 @@ def elbow_kernel(
 def circle_roots_kernel(E: Array, noise: float, depth: float, work: Array, roots: Array) -> int:
     """Write cosines and sines (8, 2) of the zeros of a quadratic in cosine and sine; their count.
 
-    E = (e0, ec, es, ecc, ecs, ess): e0 + ec c + es s + ecc c^2 + ecs c s + ess s^2. Two charts
-    t = tan(x / 2) of the circle each give a quartic; they overlap a little, so that rounding loses
-    no zero between them. Where one touches zero within rounding, or misses it by no more than
-    ``depth``, its extremum counts as a root.
+    E = (e0, ec, es, ecc, ecs, ess): e0 + ec c + es s + ecc c^2 + ecs c s + ess s^2. Where it is
+    even about the phase of its first harmonic, as behind parallel axes, it is a quadratic in the
+    cosine from there. Else two charts t = tan(x / 2) of the circle each give a quartic; they
+    overlap a little, so that rounding loses no zero between them. Where one touches zero within
+    rounding, or misses it by no more than ``depth``, its extremum counts as a root.
 
     Args:
         E: The coefficients, shape (6,).
@@ -183,6 +184,11 @@ def circle_roots_kernel(E: Array, noise: float, depth: float, work: Array, roots
     if scale <= noise:
         return -1
     touch = max(1e-12, max(noise, depth) / scale)
+    r = math.sqrt(E[1] * E[1] + E[2] * E[2])
+    if r > noise:
+        c, s = E[1] / r, E[2] / r
+        if abs(2.0 * c * s * (E[5] - E[3]) + (c * c - s * s) * E[4]) <= noise:
+            return _even_roots(E, (c, s, r), touch * scale, roots)
     c, zeros, extrema = work[5], work[6], work[7]
     for chart in range(2):
         sign = 1.0 if chart == 0 else -1.0
@@ -200,19 +206,44 @@ def circle_roots_kernel(E: Array, noise: float, depth: float, work: Array, roots
         c[4] = 16.0 * p4
         number = unit_roots_kernel(c, 5, work, zeros, extrema)
         for k in range(number):
-            count = _add_root(_CHART * (2.0 * zeros[k] - 1.0), sign, roots, count)
+            count = _add_root_of_chart(_CHART * (2.0 * zeros[k] - 1.0), sign, roots, count)
         for k in range(5):
             u = extrema[k]
             if u >= 1.0:
                 break
             if abs(horner_kernel(c, 5, u)) < touch:
-                count = _add_root(_CHART * (2.0 * u - 1.0), sign, roots, count)
+                count = _add_root_of_chart(_CHART * (2.0 * u - 1.0), sign, roots, count)
     return count
 
 
 @kernel(allocates=False)
-def _add_root(t: float, sign: float, roots: Array, count: int) -> int:
-    c, s = sign * (1.0 - t * t) / (1.0 + t * t), sign * 2.0 * t / (1.0 + t * t)
+def _even_roots(E: Array, phase: Vector, touch: float, roots: Array) -> int:
+    """Write the roots of an even equation, its phase given as cosine, sine and amplitude r.
+
+    With z the cosine from the phase it is e + r z + a z^2. Its roots, cut to [-1, 1], its vertex
+    and the ends are tried, and are answered where it is below ``touch``.
+    """
+    c, s, r = phase
+    across = E[3] * s * s - E[4] * c * s + E[5] * c * c
+    e, a, count = E[0] + across, E[3] + E[5] - 2.0 * across, 0
+    t = -0.5 * (r + math.sqrt(max(r * r - 4.0 * a * e, 0.0)))
+    for root in (t / a, e / t, -0.5 * r / a, 1.0, -1.0):
+        z = min(max(root, -1.0), 1.0)
+        if abs(e + (r + a * z) * z) <= touch:
+            sine = math.sqrt((1.0 - z) * (1.0 + z))
+            count = _add_root(z * c - sine * s, z * s + sine * c, roots, count)
+            count = _add_root(z * c + sine * s, z * s - sine * c, roots, count)
+    return count
+
+
+@kernel(allocates=False)
+def _add_root_of_chart(t: float, sign: float, roots: Array, count: int) -> int:
+    square = 1.0 + t * t
+    return _add_root(sign * (1.0 - t * t) / square, sign * 2.0 * t / square, roots, count)
+
+
+@kernel(allocates=False)
+def _add_root(c: float, s: float, roots: Array, count: int) -> int:
     for k in range(count):
         if abs(roots[k, 0] - c) + abs(roots[k, 1] - s) < 1e-12:
             return count

@@ -9,6 +9,7 @@ from kinematics.arrays import Array
 from kinematics.forward import forward, joint_frames
 from kinematics.ik.closed_form.analytic import branches, closed_form, parameter
 from kinematics.ik.closed_form.structure import classify_wrist, structure
+from kinematics.ik.closed_form.subproblem import circle_roots_kernel
 from kinematics.model.chain import Chain
 from kinematics.model.dh import DhRow, DhTable, chain_from_dh
 from kinematics.pose import inverse, rotation_x, transform
@@ -296,3 +297,34 @@ def test_only_six_or_seven_joints_have_a_form() -> None:
     assert structure(replace(chain, joint_types=np.array([0, 0, 1, 0, 0, 0]))) is None  # a slide
     eight = [*chain.offsets, transform(), transform()]
     assert structure(arm_of(eight, np.eye(4))) is None
+
+
+@pytest.mark.parametrize("odd", [0.0, 1e-17, 1e-15, 1e-13, 1e-9, 1e-3, 1.0])
+def test_zeros_on_the_circle_are_those_of_the_polynomial_in_exp_ix(odd: float) -> None:
+    rng = np.random.default_rng(8)
+    whole = np.array([0.0, 1.0, -1.0, 0.5])
+    for k in range(400):
+        phase, (one, two) = rng.uniform(-np.pi, np.pi), rng.uniform(-1.5, 1.5, 2)
+        if k % 2:
+            one = rng.choice(whole) + rng.choice([-1, 0, 1]) * 10.0 ** rng.uniform(-17, -1)
+        # (y - one) (y - two) + odd sin(x - phase), with y = cos(x - phase); or y - one alone.
+        c, s = np.cos(phase), np.sin(phase)
+        square, line, rest = (0.0, 1.0, -one) if k % 5 == 0 else (1.0, -one - two, one * two)
+        E = np.array([
+            rest, line * c - odd * s, line * s + odd * c,
+            square * c * c, 2.0 * square * c * s, square * s * s,
+        ])  # fmt: skip
+        roots = np.empty((8, 2))
+        count = circle_roots_kernel(E, 1e-14, 0.0, np.empty((8, 6)), roots)
+        c, s = roots[:count].T
+        assert (
+            np.abs(E @ [c**0, c, s, c * c, c * s, s * s]).max(initial=0.0) < 2e-12 * np.abs(E).max()
+        )
+        e, p, q, a, b, d = E
+        w = np.roots([
+            (a - d) / 4 - 0.25j * b, 0.5 * (p - 1j * q), e + (a + d) / 2, 0.5 * (p + 1j * q),
+            (a - d) / 4 + 0.25j * b,
+        ])  # fmt: skip
+        angle = np.angle(w[np.abs(np.abs(w) - 1.0) < 1e-7])
+        missed = [x for x in angle if np.hypot(c - np.cos(x), s - np.sin(x)).min(initial=9) > 1e-5]
+        assert not missed
