@@ -192,10 +192,7 @@ def contiguous(values: ArrayLike, name: str) -> Array:
     Raises:
         InvalidNumbers: The values are no numbers, or rows of different lengths.
     """
-    try:
-        return np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        return as_numbers(values, name)  # which tells what is wrong
+    return np.ascontiguousarray(as_numbers(values, name))
 
 
 def numbers(values: ArrayLike, name: str, shape: tuple[int, ...] | None = None) -> Array:

@@ -11,7 +11,7 @@ from compiled.kernel import direct, kernel
 from compiled.simd import LANES, on_stack
 from compiled.simd_transpose import aligned_kernel
 from compiled.sincos import TURNS, few_turns_kernel, turn_at_kernel
-from kinematics.arrays import Array
+from kinematics.arrays import Array, numbers
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import fits_kernel, joint_frames, link_number
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel, store_kernel
@@ -208,7 +208,7 @@ def geometric(
         except (AttributeError, TypeError):
             pass
     q = chain.configuration(q)
-    at = _point(point)
+    at = link_point(point)
     flat = q.reshape(-1, chain.n)
     J = np.empty((flat.shape[0], 6, chain.n))
     number = -1 if link is None else link_number(chain, link)
@@ -258,7 +258,7 @@ def geometric_rate(
     turning, sliding = np.where(turns, z, 0.0), np.where(turns, 0.0, z)
     moving = rates[..., : last + 1, None]
     w = np.cumsum(moving * turning, axis=-2)
-    p = (frames[..., last, :, :] @ carrier.T_joint_link @ [*_point(point), 1.0])[..., None, :3]
+    p = (frames[..., last, :, :] @ carrier.T_joint_link @ [*link_point(point), 1.0])[..., None, :3]
     arms = np.diff(np.concatenate([o, p], axis=-2), axis=-2)
     # Velocities of the origins behind each joint, then of the point.
     steps = np.cross(w, arms) + moving * sliding
@@ -271,11 +271,13 @@ def geometric_rate(
     return Jd
 
 
-def _point(point: ArrayLike | None) -> Array:
-    at = np.zeros(3) if point is None else np.array(point, dtype=np.float64)
-    if at.shape != (3,) or not np.isfinite(at).all():
-        raise InvalidOption("point must be three finite numbers [x, y, z] in the link's frame")
-    return at
+def link_point(point: ArrayLike | None) -> Array:
+    """A point in a link's frame (3,) [m], its origin where none is given.
+
+    Raises:
+        InvalidOption: It is not three finite numbers.
+    """
+    return np.zeros(3) if point is None else numbers(point, "point", (3,))
 
 
 def analytic_zyz(J: Array, rotation: Array) -> Array:

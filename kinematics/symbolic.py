@@ -8,11 +8,11 @@ microseconds: build expressions with these, evaluate with the kernels.
 from typing import Any
 
 import casadi
-import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption, InvalidRobotState
+from kinematics.errors import InvalidRobotState
+from kinematics.jacobian import link_point
 from kinematics.model.branch import require_on_chain
 from kinematics.model.chain import Chain
 
@@ -63,9 +63,7 @@ def symbolic_jacobian(
         InvalidLinkName: No such link.
         InvalidOption: The point is not three finite numbers.
     """
-    at = np.zeros(3) if point is None else np.array(point, dtype=np.float64)
-    if at.shape != (3,) or not np.isfinite(at).all():
-        raise InvalidOption("point must be three finite numbers [x, y, z] in the link's frame")
+    at = link_point(point)
     require_on_chain(chain, link or chain.tip_link)
     carrier, frames = chain.link(link or chain.tip_link), symbolic_frames(chain, q)
     T = _constant(carrier.T_joint_link)

@@ -370,28 +370,23 @@ def _basis(polynomials: Sequence[_Row]) -> list[_Row]:
     chosen: list[int] = []
     for i in order:
         basis = [polynomials[k] for k in chosen]
-        if not basis or _residual(basis, polynomials[i]) > _ZERO:
+        if not basis or _solved(basis, polynomials[i])[1] > _ZERO:
             chosen.append(i)
     return [polynomials[i] for i in sorted(chosen)]
 
 
 def _shares(basis: Sequence[_Row], polynomial: _Row) -> list[float]:
-    matrix, right = _linear(basis, polynomial)
-    solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
     # Shares are whole numbers over small powers of two.
-    return [round(float(value) * 64.0) / 64.0 for value in solution]
+    return [round(float(value) * 64.0) / 64.0 for value in _solved(basis, polynomial)[0]]
 
 
-def _residual(basis: Sequence[_Row], polynomial: _Row) -> float:
-    matrix, right = _linear(basis, polynomial)
-    solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
-    return float(np.abs(matrix @ solution - right).max())
-
-
-def _linear(basis: Sequence[_Row], polynomial: _Row) -> tuple[np.ndarray, np.ndarray]:
+def _solved(basis: Sequence[_Row], polynomial: _Row) -> tuple[np.ndarray, float]:
+    """Shares of a basis that add up to a polynomial, and the largest coefficient left."""
     monomials = sorted({m for row in (*basis, polynomial) for m in row}, key=repr)
     matrix = np.array([[row.get(m, 0.0) for row in basis] for m in monomials])
-    return matrix, np.array([polynomial.get(m, 0.0) for m in monomials])
+    right = np.array([polynomial.get(m, 0.0) for m in monomials])
+    shares = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    return shares, float(np.abs(matrix @ shares - right).max())
 
 
 def write_page(sheet: Sheet) -> str:

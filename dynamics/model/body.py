@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import kernel
 from compiled.vec3 import Vector
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, frozen, numbers
 from kinematics.errors import InvalidOption, MissingInertia
 from kinematics.model.chain import Chain, Inertia, JointType, Link
 
@@ -87,9 +87,7 @@ def bodies(chain: Chain, gravity: ArrayLike | None = None) -> Bodies:
     packed = _pack_bodies(chain)
     if gravity is None:
         return packed
-    g = np.array(gravity, dtype=np.float64)
-    if g.shape != (3,) or not np.isfinite(g).all():
-        raise InvalidOption("gravity must be three finite numbers [x, y, z] in the base frame")
+    g = numbers(gravity, "gravity in the base frame", (3,))
     rows = packed.rows.copy()
     rows[-1, :3] = g
     return packed._replace(gravity=frozen(g), rows=frozen(rows))

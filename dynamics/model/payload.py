@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, numbers
 from kinematics.errors import InvalidLinkName, InvalidOption
 from kinematics.model.chain import Chain, Inertia, Link
 from kinematics.rounding import asymmetry, moment_rounding, tensor_rounding
@@ -143,10 +143,7 @@ def with_gravity(chain: Chain, gravity: ArrayLike) -> Chain:
     Raises:
         InvalidOption: The vector is not three finite numbers.
     """
-    g = np.array(gravity, dtype=np.float64)
-    if g.shape != (3,) or not np.isfinite(g).all():
-        raise InvalidOption("gravity must be three finite numbers [x, y, z] in the base frame")
-    return replace(chain, gravity=g)
+    return replace(chain, gravity=numbers(gravity, "gravity in the base frame", (3,)))
 
 
 def inertia(mass: float, center_of_mass: ArrayLike, tensor: ArrayLike) -> Inertia:

@@ -338,6 +338,14 @@ class Chain(Remade):
             )
         return array
 
+    def each_joint(self, value: ArrayLike, name: str) -> Array:
+        """Check one number for all joints or one for each, and answer it for each, (n,).
+
+        Raises:
+            InvalidRobotState: It is a batch, of another length, or not finite.
+        """
+        return self.state(np.full(self.n, value) if np.ndim(value) == 0 else value, name)
+
     def sampling_bounds(self) -> tuple[Array, Array]:
         """Bounds to draw joints from, both (n,): the limits, or one turn where there are none.
 

@@ -259,20 +259,31 @@ class Trajectory(Remade):
         Raises:
             InvalidOption: The period is not positive, or would give more than ``MAX_SAMPLES``.
         """
-        if not (math.isfinite(period) and period > 0.0):
-            raise InvalidOption(
-                f"the sample period is {period} s", hint="Give a positive finite number."
-            )
-        if self.duration / period > MAX_SAMPLES:
-            raise InvalidOption(
-                f"a period of {period} s over {self.duration} s gives more than "
-                f"{MAX_SAMPLES} samples",
-                hint=f"Give at least {self.duration / MAX_SAMPLES:.3g} s.",
-            )
-        count = max(1, math.ceil(self.duration / period - _SAME_SAMPLE))
-        times: Array = np.arange(count + 1.0) * period
-        times[-1] = self.duration
-        return times
+        return uniform_times(self.duration, period, "sample period")
+
+
+def uniform_times(duration: float, period: float, name: str) -> Array:
+    """Times 0, period, 2 period, ... and exactly the duration, strictly increasing [s].
+
+    Args:
+        duration: The last time [s].
+        period: Time from one to the next [s].
+        name: Name of the period in messages.
+
+    Raises:
+        InvalidOption: The period is not positive, or would give more than ``MAX_SAMPLES``.
+    """
+    if not (math.isfinite(period) and period > 0.0):
+        raise InvalidOption(f"the {name} is {period} s", hint="Give a positive finite number.")
+    if duration / period > MAX_SAMPLES:
+        raise InvalidOption(
+            f"a {name} of {period} s over {duration} s gives more than {MAX_SAMPLES} of them",
+            hint=f"Give at least {duration / MAX_SAMPLES:.3g} s.",
+        )
+    count = max(1, math.ceil(duration / period - _SAME_SAMPLE))
+    times: Array = np.arange(count + 1.0) * period
+    times[-1] = duration
+    return times
 
 
 def concatenate(trajectories: Sequence[Trajectory]) -> Trajectory:

@@ -8,6 +8,7 @@ The links of a URDF: mass properties, collision geometry and where they sit.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -216,18 +217,11 @@ def _sphere(element: Element, where: str, lint: list[str]) -> SphereGeometry | N
     return SphereGeometry(*sizes) if _has_extent(element, sizes, where, lint) else None
 
 
-def _cylinder(element: Element, where: str, lint: list[str]) -> CylinderGeometry | None:
+def _round(
+    shape: type[CylinderGeometry | CapsuleGeometry], element: Element, where: str, lint: list[str]
+) -> Geometry | None:
     radius, length = _sizes(element, ("radius", "length"), where)
-    if not _has_extent(element, [radius], where, lint):
-        return None
-    return CylinderGeometry(radius, length or PLATE)
-
-
-def _capsule(element: Element, where: str, lint: list[str]) -> CapsuleGeometry | None:
-    radius, length = _sizes(element, ("radius", "length"), where)
-    if not _has_extent(element, [radius], where, lint):
-        return None
-    return CapsuleGeometry(radius, length or PLATE)
+    return shape(radius, length or PLATE) if _has_extent(element, [radius], where, lint) else None
 
 
 def _mesh(element: Element, where: str, _lint: list[str]) -> MeshGeometry:
@@ -246,8 +240,8 @@ def _mesh(element: Element, where: str, _lint: list[str]) -> MeshGeometry:
 _GEOMETRIES: Mapping[str, Callable[[Element, str, list[str]], Geometry | None]] = {
     "box": _box,
     "sphere": _sphere,
-    "cylinder": _cylinder,
-    "capsule": _capsule,
+    "cylinder": partial(_round, CylinderGeometry),
+    "capsule": partial(_round, CapsuleGeometry),
     "mesh": _mesh,
 }
 

@@ -79,8 +79,8 @@ def urdf_text(
         for link in carried:
             bodies += _fixed_link(link, last, inverse(T_base_last), solids)
             last, T_base_last = link.name, link.T_joint_link
-    robot = escape(chain.name or "robot", quote=True)
-    return "\n".join(['<?xml version="1.0"?>', f'<robot name="{robot}">', *bodies, "</robot>", ""])
+    robot = f"<robot name={_quoted(chain.name or 'robot')}>"
+    return "\n".join(['<?xml version="1.0"?>', robot, *bodies, "</robot>", ""])
 
 
 def _omissions(chain: Chain) -> list[str]:
@@ -97,29 +97,23 @@ def _fixed_link(
     link: Link, parent: str, T_parent: Array, solids: Mapping[str, Sequence[CollisionElement]]
 ) -> list[str]:
     """A link on a fixed joint: its pose in the joint's frame, seen from the link before."""
-    name, before = escape(link.name, quote=True), escape(parent, quote=True)
     return [
         _link(link.name, link.inertia, solids.get(link.name, ())),
-        f'  <joint name="{name}_mount" type="fixed">',
-        f'    <parent link="{before}"/><child link="{name}"/>',
+        f'  <joint name={_quoted(f"{link.name}_mount")} type="fixed">',
+        f"    <parent link={_quoted(parent)}/><child link={_quoted(link.name)}/>",
         f"    {_origin(T_parent @ link.T_joint_link)}",
         "  </joint>",
     ]
 
 
 def _moving_joint(chain: Chain, i: int, parent: str, child: str, origin: Array) -> list[str]:
-    name, limits = escape(chain.joint_names[i], quote=True), chain.limits
     slides = chain.joint_types[i] == JointType.PRISMATIC
     kind = "prismatic" if slides else "continuous" if chain.continuous[i] else "revolute"
-    values = {quantity: float(getattr(limits, quantity)[i]) for quantity in _QUANTITIES}
-    if not chain.continuous[i]:
-        values = {"lower": float(limits.lower[i]), "upper": float(limits.upper[i])} | values
-    known = {key: value for key, value in values.items() if np.isfinite(value)}
-    limit = " ".join(f'{key}="{value!r}"' for key, value in known.items())
-    before, after = escape(parent, quote=True), escape(child, quote=True)
+    known = _known_limits(chain, i)
+    limit = " ".join(f'{key}="{value}"' for key, value in known.items())
     rows = [
-        f'  <joint name="{name}" type="{kind}">',
-        f'    <parent link="{before}"/><child link="{after}"/>',
+        f'  <joint name={_quoted(chain.joint_names[i])} type="{kind}">',
+        f"    <parent link={_quoted(parent)}/><child link={_quoted(child)}/>",
         f"    {_origin(origin)}",
         '    <axis xyz="0 0 1"/>',
     ]
@@ -130,8 +124,15 @@ def _moving_joint(chain: Chain, i: int, parent: str, child: str, origin: Array) 
     return [*rows, "  </joint>"]
 
 
+def _known_limits(chain: Chain, i: int) -> dict[str, str]:
+    """Limits of joint i that are known, as they are written."""
+    quantities = _QUANTITIES if chain.continuous[i] else ("lower", "upper", *_QUANTITIES)
+    values = {name: float(getattr(chain.limits, name)[i]) for name in quantities}
+    return {name: repr(value) for name, value in values.items() if np.isfinite(value)}
+
+
 def _link(name: str, inertia: Inertia | None, solids: Sequence[CollisionElement]) -> str:
-    tag = f'  <link name="{escape(name, quote=True)}"'
+    tag = f"  <link name={_quoted(name)}"
     rows = [] if inertia is None else _inertial(inertia)
     for solid in solids:
         origin, shape = _origin(solid.T_link_element), _shape(solid.geometry, name)
@@ -202,9 +203,6 @@ def _quoted(text: str) -> str:
     return f'"{escape(text, quote=True)}"'
 
 
-_POSITIONS = ("lower", "upper")
-
-
 def with_limits(text: str, chain: Chain) -> str:
     """The URDF with the limits of the chain's joints in place of its own.
 
@@ -224,11 +222,9 @@ def with_limits(text: str, chain: Chain) -> str:
         if name not in joints:
             continue
         joint = joints[name]
-        quantities = _QUANTITIES if chain.continuous[k] else (*_POSITIONS, *_QUANTITIES)
-        values = {quantity: float(getattr(chain.limits, quantity)[k]) for quantity in quantities}
-        known = {key: value for key, value in values.items() if np.isfinite(value)}
+        known = _known_limits(chain, k)
         if known:
-            _limit(joint, name).attrib.update({key: repr(value) for key, value in known.items()})
+            _limit(joint, name).attrib.update(known)
     return f'<?xml version="1.0"?>\n{tostring(robot, encoding="unicode")}\n'
 
 

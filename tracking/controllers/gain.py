@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, frozen, numbers
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 
@@ -17,7 +17,7 @@ def gain_vector(chain: Chain, name: str, value: ArrayLike) -> Array:
     Raises:
         InvalidOption: Wrong number of gains, or one is not positive and finite.
     """
-    return frozen(_positive(chain, name, _numbers(name, value)))
+    return frozen(_positive(chain, name, numbers(value, f"the gain {name}")))
 
 
 def gain_matrix(chain: Chain, name: str, value: ArrayLike) -> Array:
@@ -26,7 +26,7 @@ def gain_matrix(chain: Chain, name: str, value: ArrayLike) -> Array:
     Raises:
         InvalidOption: Wrong shape, not finite, not symmetric or not positive definite.
     """
-    K = _numbers(name, value)
+    K = numbers(value, f"the gain {name}")
     if K.shape != (chain.n, chain.n):
         return frozen(np.diag(_positive(chain, name, K)))
     return _definite(name, K)
@@ -38,7 +38,7 @@ def adaptation_gain(count: int, value: ArrayLike) -> Array:
     Raises:
         InvalidOption: Wrong shape, not finite, not symmetric or not positive definite.
     """
-    Gamma = _numbers("Gamma", value)
+    Gamma = numbers(value, "the gain Gamma")
     if Gamma.shape == (count, count):
         return _definite("Gamma", Gamma)
     if Gamma.shape not in {(), (count,)} or (Gamma <= 0.0).any():
@@ -103,16 +103,6 @@ def _definite(name: str, K: Array) -> Array:
 def is_symmetric(K: Array) -> bool:
     """Whether a matrix equals its transpose, to rounding."""
     return bool(np.abs(K - K.T).max() <= SYMMETRY_TOLERANCE * np.abs(K).max())
-
-
-def _numbers(name: str, value: ArrayLike) -> Array:
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidOption(f"the gain {name} is not an array of numbers: {error}") from None
-    if not np.isfinite(array).all():
-        raise InvalidOption(f"the gain {name} is not finite")
-    return array
 
 
 def _positive(chain: Chain, name: str, values: Array) -> Array:

@@ -26,6 +26,7 @@ from tracking.controllers.quadratic_form import (
     Definiteness,
     Poles,
     SymmetricForm,
+    poles_of,
     symmetric_form,
 )
 from tracking.controllers.state_formulas import Formula, is_known, symbols, values
@@ -119,10 +120,8 @@ def nonlinear_lyapunov(f: Sequence[Formula], V: Formula) -> NonlinearLyapunov:
     second = 0.5 * _numbers("V", [[sympy.diff(one, by) for by in x] for one in slopes])
     rates = 0.5 * _numbers("V_dot", [[sympy.diff(one, by) for by in x] for one in speeds])
     scale = 2.0 * float(np.abs(A).max() * np.abs(second).max())
-    poles = np.linalg.eigvals(A).astype(np.complex128)
-    poles = poles[np.lexsort((poles.imag, poles.real))]
     P, Q = symmetric_form(second), symmetric_form(0.0 - rates, scale)
-    known = V, V_dot, P, Q, poles
+    known = V, V_dot, P, Q, poles_of(A)
     is_flat = bool(np.abs(gradient).max() <= _ZERO)
     is_positive = is_flat and _is_definite(V, P, x)
     if _is_definite(-V_dot, Q, x) and is_positive:

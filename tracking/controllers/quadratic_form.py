@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, frozen, numbers
 from kinematics.errors import InvalidOption
 
 Poles: TypeAlias = NDArray[np.complex128]
@@ -175,9 +175,13 @@ def _refuse_pair(poles: Poles, sums: Array) -> None:
 def _examined(A: Array, P: Array, Q: Array, is_symmetric: bool) -> QuadraticLyapunov:
     scale = 2.0 * float(np.abs(A).max() * np.abs(P).max())
     forms = symmetric_form(P), symmetric_form(Q, scale)
+    return QuadraticLyapunov(frozen(A), *forms, is_symmetric, poles_of(A), _verdict(A, *forms))
+
+
+def poles_of(A: Array) -> Poles:
+    """Eigenvalues of a matrix (n, n), in the order of their real parts, then of the imaginary."""
     poles = np.linalg.eigvals(A).astype(np.complex128)
-    poles = poles[np.lexsort((poles.imag, poles.real))]
-    return QuadraticLyapunov(frozen(A), *forms, is_symmetric, poles, _verdict(A, *forms))
+    return poles[np.lexsort((poles.imag, poles.real))]
 
 
 def symmetric_form(S: Array, scale: float = 0.0) -> SymmetricForm:
@@ -234,16 +238,11 @@ def _is_observable(A: Array, Q: Array) -> bool:
 
 
 def _square(name: str, value: ArrayLike) -> Array:
-    try:
-        M = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidOption(f"{name} is not a matrix of numbers: {error}") from None
+    M = numbers(value, name)
     if M.ndim != 2 or M.shape[0] != M.shape[1] or not M.size:
         raise InvalidOption(
             f"{name} has shape {M.shape}", hint=f"Give {name} as rows, as many as columns."
         )
-    if not np.isfinite(M).all():
-        raise InvalidOption(f"{name} is not finite")
     return M
 
 

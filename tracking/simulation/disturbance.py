@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array, frozen
-from kinematics.errors import InvalidOption, InvalidRobotState
+from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 
 
@@ -67,7 +67,8 @@ class Disturbance:
         Raises:
             InvalidRobotState: A part has the wrong length or is not finite.
         """
-        return _each(chain, "disturbance", self.torque), _each(chain, "amplitude", self.amplitude)
+        torque, amplitude = self.torque, self.amplitude
+        return chain.each_joint(torque, "disturbance"), chain.each_joint(amplitude, "amplitude")
 
     def cuts(self, duration: float) -> list[float]:
         """Times within (0, duration) at which it begins or ends."""
@@ -112,15 +113,6 @@ class EncoderNoise:
         """Errors of q and q_dot for ``count`` periods, shape (count, 2, n)."""
         errors = np.random.default_rng(self.seed).standard_normal((count, 2, n))
         return np.asarray(errors * np.array([[self.position], [self.velocity]]))
-
-
-def _each(chain: Chain, name: str, value: ArrayLike) -> Array:
-    if np.ndim(value) == 0:
-        value = np.full(chain.n, value)
-    checked = chain.configuration(value, name)
-    if checked.shape != (chain.n,):
-        raise InvalidRobotState(f"{name} is a batch; give one value for each joint")
-    return checked
 
 
 #: Stiffness of a stop [N m/rad or N/m]: an impact of 1 kg m^2 at 1 rad/s presses it 10 mrad in.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption, InvalidRobotState
+from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory, interpolate
 from tracking.controllers.controller import Reference
@@ -27,7 +27,7 @@ def hold(chain: Chain, position: ArrayLike, duration: float) -> Trajectory:
     Raises:
         InvalidRobotState: The position has the wrong length or is not finite.
     """
-    q = _vector(chain, "joints", position)
+    q = chain.each_joint(position, "reference.joints")
     return Trajectory(chain.joint_names, np.array([0.0, duration]), q[None, :, None])
 
 
@@ -45,7 +45,7 @@ def step(chain: Chain, start: ArrayLike, end: ArrayLike, at: float, duration: fl
         InvalidRobotState: A position has the wrong length or is not finite.
         InvalidOption: The step is not within the duration.
     """
-    before, after = _vector(chain, "from", start), _vector(chain, "to", end)
+    before, after = chain.each_joint(start, "reference.from"), chain.each_joint(end, "reference.to")
     if not 0.0 <= at < duration:
         raise InvalidOption(
             f"the reference lasts {duration:g} s and would step at {at:g} s",
@@ -79,8 +79,12 @@ def sine(
         InvalidRobotState: A vector has the wrong length or is not finite.
         InvalidOption: A frequency is negative, or the duration has too many periods.
     """
-    middle, size = _vector(chain, "center", center), _vector(chain, "amplitude", amplitude)
-    hertz, angle = _vector(chain, "frequency", frequency), _vector(chain, "phase", phase)
+    middle, size, hertz, angle = (
+        chain.each_joint(value, f"reference.{name}")
+        for name, value in {
+            "center": center, "amplitude": amplitude, "frequency": frequency, "phase": phase,
+        }.items()
+    )  # fmt: skip
     if (hertz < 0.0).any():
         raise InvalidOption(
             f"the frequency of a reference is {hertz.min():g} Hz", hint="Give one that is >= 0."
@@ -119,7 +123,9 @@ def spline(
         InvalidOption: There are not as many times as points, or the first is not 0.
         InvalidTrajectory: Times do not ascend.
     """
-    rows = np.stack([_vector(chain, f"points[{i}]", point) for i, point in enumerate(points)])
+    rows = np.stack(
+        [chain.each_joint(point, f"reference.points[{i}]") for i, point in enumerate(points)]
+    )
     knots = np.array(times, dtype=np.float64)
     if knots.shape != (len(rows),) or knots[0] != 0.0:
         raise InvalidOption(
@@ -128,16 +134,6 @@ def spline(
             hint="Give one time for each point, ascending from 0.",
         )
     return interpolate(chain.joint_names, knots, rows, interpolation)
-
-
-def _vector(chain: Chain, name: str, value: ArrayLike) -> Array:
-    """One number for each joint, (n,), from one for all or n of them."""
-    if np.ndim(value) == 0:
-        value = np.full(chain.n, value)
-    checked = chain.configuration(value, f"reference.{name}")
-    if checked.shape != (chain.n,):
-        raise InvalidRobotState(f"reference.{name} is a batch; give one value for each joint")
-    return checked
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,6 @@ Options of the simulation of a closed loop.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState, MissingLimit
 from kinematics.model.chain import Chain
-from kinematics.trajectory.trajectory import MAX_SAMPLES, Trajectory
+from kinematics.trajectory.trajectory import Trajectory, uniform_times
 from tracking.controllers.controller import AdaptiveController, Controller
 from tracking.simulation.disturbance import Disturbance, EncoderNoise, JointStops
 from tracking.simulation.loop import RUNAWAY
@@ -72,8 +71,6 @@ class SimulationOptions:
             )
 
 
-# A period that would begin this part of one before the end is the end itself, to rounding.
-_SAME_PERIOD = 1e-6
 # Events closer than this part of the duration are one.
 _SAME_EVENT = 1e-12
 
@@ -110,15 +107,15 @@ def schedule(
     Raises:
         InvalidOption: A period is too short for the duration.
     """
-    called: list[float] = []
+    called = np.zeros(0)
     if options.control_period is not None:
-        called = list(periods(duration, options.control_period, "control_period"))
+        called = uniform_times(duration, options.control_period, "control_period")[:-1]
     elif noise is not None:
-        called = list(periods(duration, noise.period, "encoder period"))
+        called = uniform_times(duration, noise.period, "encoder period")[:-1]
     others = signal.breaks(duration)
     if disturbance is not None:
         others += disturbance.cuts(duration)
-    marks = [*((t, True) for t in called), *((t, False) for t in [0.0, *others])]
+    marks = [*((t, True) for t in called.tolist()), *((t, False) for t in [0.0, *others])]
     marks.sort(key=lambda mark: (mark[0], not mark[1]))
     starts, flags = [marks[0][0]], [marks[0][1]]
     for t, is_call in marks[1:]:
@@ -127,7 +124,7 @@ def schedule(
             flags.append(is_call)
         else:
             flags[-1] = flags[-1] or is_call
-    rows = np.cumsum(flags) - 1 if called else np.zeros(len(starts), dtype=np.int64)
+    rows = np.cumsum(flags) - 1 if len(called) else np.zeros(len(starts), dtype=np.int64)
     acts = [disturbance is not None and disturbance.start <= t < disturbance.end for t in starts]
     n = signal.trajectory.n
     return Events(
@@ -138,21 +135,6 @@ def schedule(
         np.array(acts),
         np.zeros((max(len(called), 1), 2, n)) if noise is None else noise.draw(len(called), n),
     )
-
-
-def periods(duration: float, period: float, name: str) -> Iterator[float]:
-    """Times 0, period, 2 period, ... before ``duration``.
-
-    Raises:
-        InvalidOption: There are too many of them.
-    """
-    if duration / period > MAX_SAMPLES:
-        raise InvalidOption(
-            f"a {name} of {period} s over {duration} s gives more than {MAX_SAMPLES} of them",
-            hint=f"Give at least {duration / MAX_SAMPLES:.3g} s.",
-        )
-    count = max(1, math.ceil(duration / period - _SAME_PERIOD))
-    return (i * period for i in range(count))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,7 +187,7 @@ def prepare(
     """
     _check_joints(controller.chain, trajectory, robot)
     duration = trajectory.duration if options.duration is None else options.duration
-    samples = list(periods(duration, options.sample_period, "sample_period"))
+    samples = uniform_times(duration, options.sample_period, "sample_period")
     limit = np.full(robot.n, np.inf)
     if options.saturate:
         limit = _effort_limits(robot)
@@ -227,7 +209,7 @@ def prepare(
         robot,
         options,
         signal,
-        np.array([*samples, duration]),
+        samples,
         schedule(signal, duration, options, disturbance, noise),
         limit,
         disturbance,

@@ -204,8 +204,8 @@ def test_a_positive_definite_matrix_is_kept() -> None:
         ([1.0, 0.0, 2.0], "0 at joint 'joint1'"),
         (-1.0, "-1 at joint 'joint0'"),
         (np.nan, "not finite"),
-        (["a", "b", "c"], "not an array of numbers"),
-        ([[1.0, 2.0], [3.0]], "not an array of numbers"),
+        (["a", "b", "c"], "no array of numbers"),
+        ([[1.0, 2.0], [3.0]], "no array of numbers"),
     ],
 )
 def test_wrong_gains_are_refused(value: ArrayLike, reason: str) -> None:

@@ -14,7 +14,7 @@ from tests.dynamics.samples import planar_rr
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
 from tracking.simulation.references import ReferenceSignal, hold, sine, spline, step
 from tracking.simulation.result import settling_time
-from tracking.simulation.setup import SimulationOptions, periods, schedule
+from tracking.simulation.setup import SimulationOptions, schedule
 
 CHAIN = builtin_chain("planar_rr")
 # ---------------------------------------------------------------------------------- options
@@ -61,7 +61,7 @@ def test_a_disturbance_is_one_number_or_one_a_joint() -> None:
         (Disturbance([1.0]), "disturbance"),
         (Disturbance(0.0, [1.0] * 3), "amplitude"),
         (Disturbance(math.nan), "disturbance"),
-        (Disturbance([[1.0, 2.0]]), "batch"),
+        (Disturbance([[1.0, 2.0]]), "has the shape"),
     ):
         with pytest.raises(InvalidRobotState, match=name):
             wrong.parts(CHAIN)
@@ -128,14 +128,6 @@ def test_events_that_differ_by_rounding_are_one() -> None:
     assert np.diff(events.times).min() > 0.05
 
 
-def test_the_last_period_may_be_short_but_not_nothing() -> None:
-    assert list(periods(1.0, 0.3, "period")) == pytest.approx([0.0, 0.3, 0.6, 0.9])
-    assert list(periods(0.9, 0.3, "period")) == pytest.approx([0.0, 0.3, 0.6])
-    assert list(periods(0.1, 0.3, "period")) == [0.0]
-    with pytest.raises(InvalidOption, match="control_period"):
-        periods(10.0, 1e-9, "control_period")
-
-
 ARM = planar_rr()
 
 
@@ -171,7 +163,7 @@ def test_a_spline_is_that_of_scipy(name: str, ends: Any) -> None:
 def test_faults_say_what_is_wrong() -> None:
     with pytest.raises(InvalidRobotState, match=r"reference\.joints"):
         hold(ARM, [0.1], 1.0)
-    with pytest.raises(InvalidRobotState, match="batch"):
+    with pytest.raises(InvalidRobotState, match="has the shape"):
         hold(ARM, [[0.1, 0.2]], 1.0)
     with pytest.raises(InvalidOption, match="would step at 2 s"):
         step(ARM, [0.1, 0.2], [0.1, 0.3], 2.0, 2.0)
