@@ -35,6 +35,7 @@ def order(
         InvalidOption: No such ranking.
     """
     check_ranking(ranking)
+    cost: Array
     if ranking == "nearest":
         cost = np.linalg.norm(joints - seed, axis=1)
     elif ranking == "limits":
@@ -43,7 +44,7 @@ def order(
         values = np.linalg.svd(geometric(chain, joints, link), compute_uv=False)
         cost = np.array([-manipulability(row) for row in values])
     # Costs that differ by rounding alone keep the order of the branches.
-    return np.argsort(np.round(cost, 12), kind="stable").astype(np.int64)
+    return cost.round(12).argsort(kind="stable").astype(np.int64)
 
 
 def check_ranking(ranking: Ranking) -> None:

@@ -104,6 +104,11 @@ def branches_kernel(  # noqa: C901, PLR0912
         value = values[v]
         if math.isnan(value):
             value = parameter_kernel(plan, seed, pose[:7])
+        repeated = False
+        for k in range(v):
+            repeated = repeated or values[k] == value
+        if repeated:
+            continue
         before = count
         for trial in range(2):
             number = candidates_kernel(plan, pose, table, problem.T, value, 0)
@@ -142,8 +147,7 @@ def branches_kernel(  # noqa: C901, PLR0912
                     count = add_curve_branches_kernel(
                         problem, candidates[:0], before, trial / _TRIALS, q, out, count
                     )
-        inside = 0
-        for k in range(count):
+        for k in range(before, count):
             inside += int(out[k, n + INSIDE])
         if inside >= enough:
             break

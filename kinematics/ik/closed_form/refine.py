@@ -448,10 +448,11 @@ def enter_kernel(
     """Add q and what is known ``about`` it, as a row has it, unless it is there; the new count."""
     n = q.shape[0]
     _, _, inside, code, family, value = about
-    place = count
-    for k in range(count):
-        if out[k, n + VALUE] != value:
-            continue
+    place = first = count
+    # Rows of one parameter follow each other.
+    while first > 0 and out[first - 1, n + VALUE] == value:
+        first -= 1
+    for k in range(first, count):
         if family != 0.0 and out[k, n + GROUP] == family and out[k, n + CODE] == code:
             # One member stands for a family: the first that is inside the limits.
             if out[k, n + INSIDE] == 1.0 or inside == 0.0:

@@ -235,6 +235,9 @@ def test_parameters_of_redundant_arms(name: str) -> None:
         found = branches(chain, T, parameters=wanted)
         for solution, value in zip(found.joints, found.parameter, strict=True):
             assert parameter(chain, solution) == pytest.approx(value, abs=1e-7)
+        # A parameter that is named again, next to itself or not, has no branches more.
+        again = branches(chain, T, parameters=[wanted[0], *wanted, *wanted[::-1]])
+        np.testing.assert_array_equal(again.table, found.table)
         # The seed's own parameter is the one that is taken by itself.
         own = branches(chain, T, seed_joints=q)
         assert apart(own.joints, q).min() < 1e-6
