@@ -3,7 +3,6 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -11,7 +10,6 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.model.chain import Chain
-from kinematics.pose import transform
 from kinematics.trajectory.trajectory import REST, Trajectory, stay
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import AllowedContact
@@ -36,14 +34,13 @@ from planning.sequence.stage import (
 )
 from planning.sequence.world import Cell, Cells, World
 from planning.timing.rest_to_rest import motion_times, passing_time
-from planning.tool_motions.tool_motion import line
 from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolRun
 from planning.tool_motions.tool_tolerance import ToolTolerance
-from planning.tool_paths.seams.following import segments
+from planning.tool_paths.seams.following import follow_seam
 from planning.tool_paths.seams.nodes import COARSE, Density
 from planning.tool_paths.seams.path import seam_places
 from planning.tool_paths.seams.search import SeamSearch
-from planning.tool_paths.tool_following import free_part, lead_tool
+from planning.tool_paths.tool_following import lead_tool
 from planning.values.deadline import Deadline
 
 #: Configurations of each place of a straight way that an arm may find round something.
@@ -103,15 +100,8 @@ class LineStopped(NamedTuple):
         search = SeamSearch(self.checker, places, starts[0], (), deadline)
         more = search.beginnings(_FINELY) if any_start else ()
         search = replace(search, first=np.array([*starts, *more]))
-        for every, density in ((False, COARSE), (True, _FINELY)):
-            found = search.run(every, density).joints
-            if found is None:
-                continue
-            led = segments(self.checker, places, found, self.tolerances, deadline)
-            free = None if led is None else free_part(self.checker, led[0])
-            if free is not None and free.stop is None:
-                return ToolPath((self.way,), (free,), 1.0, None, self.tolerances)
-        return None
+        path = follow_seam(search, self.tolerances, ((False, COARSE), (True, _FINELY))).path
+        return None if path is None else replace(path, runs=(self.way,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,8 +136,7 @@ def lead_straight(
         around: Whether to search for a way round something where the shortest joint motion meets
             it.
     """
-    chain = cell.robot.chain
-    T = forward(chain, q)
+    T = forward(cell.robot.chain, q)
     along = world.direction(np.asarray(stage.direction), stage.frame, stage.of, T)
     backwards = stage.kind == "approach"
     if backwards:
@@ -159,36 +148,24 @@ def lead_straight(
     # Slack of straight motions where their end has twice as much to spare [m].
     slack = min(1e-4, 0.5 * max(cell.checker.clearance(q)[0], 0.0))
     checker = Checker(cell.checker.model, slack)
-    ways = partial(_way, T, along)
-    path = lead_tool(chain, checker, q, [ways(stage.most)], tolerances, deadline)
+    path = lead_tool(checker, q, [ToolRun.straight(T, stage.most * along)], tolerances, deadline)
     if path.stop is not None:
         reached = path.segments[0].reached * stage.most
-        stopped = LineStopped(reached, path.stop, ways(stage.least), q, checker, tolerances)
+        least = ToolRun.straight(T, stage.least * along)
+        stopped = LineStopped(reached, path.stop, least, q, checker, tolerances)
         if reached >= stage.least:
             # A straight motion that meets something ends this much earlier, if it may [m].
-            way = ways(max(stage.least, reached - 0.005))
-            path = lead_tool(chain, checker, q, [way], tolerances, deadline)
+            shorter = ToolRun.straight(T, max(stage.least, reached - 0.005) * along)
+            path = lead_tool(checker, q, [shorter], tolerances, deadline)
         if path.stop is not None:
             found = stopped.found_round([q], deadline) if around else None
             if found is None:
                 return stopped
             path = found
     if backwards:
-        path = reverse(path)
+        path = path.reverse()
     segment = path.segments[0]
     return Line(path, segment.start, segment.end, path.runs[0].length)
-
-
-def _way(T: Array, along: Array, distance: float) -> ToolRun:
-    """A straight way of the tool from a pose (4, 4)."""
-    return ToolRun.of(line(T, transform(T[:3, :3], T[:3, 3] + distance * along)))
-
-
-def reverse(path: ToolPath) -> ToolPath:
-    """A tool path of one completed line, backwards."""
-    back = line(path.runs[0].motions[0].T_end, path.runs[0].motions[0].T_start)
-    segment = path.segments[0].reverse()
-    return ToolPath((ToolRun.of(back),), (segment,), 1.0, None, path.tolerances)
 
 
 def constraint_set(cell: Cell, settings: StageSettings) -> ConstraintSet | None:

@@ -1,13 +1,17 @@
 """Joint paths that lead the tool along lines and arcs, before they are timed."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array, frozen
+from kinematics.pose import transform
 from planning.timing.path.path import JointPath
 from planning.tool_motions.tool_corner import CurveKind, ToolCurve
+from planning.tool_motions.tool_motion import line
 from planning.tool_motions.tool_tolerance import ToolTolerance
 
 #: Of what a motion is a part: a list of motions, or a seam with what leads to it and from it.
@@ -64,6 +68,11 @@ class ToolRun:
     def of(cls, motion: ToolCurve, asked: int = 0) -> "ToolRun":
         """A run of one motion."""
         return cls((motion,), (asked,), (False,))
+
+    @classmethod
+    def straight(cls, T_start: Array, way: Array) -> "ToolRun":
+        """A run along one line from a pose (4, 4) by a way (3,) [m], without a turn."""
+        return cls.of(line(T_start, transform(T_start[:3, :3], T_start[:3, 3] + way)))
 
     @property
     def kind(self) -> CurveKind:
@@ -125,16 +134,14 @@ class ToolRun:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """The place where a motion can be followed no further, and the reason.
+    """Reason why a motion can be followed no further.
 
     Args:
-        at: Place on the motion, from 0 to 1.
-        reason: Cause of the stop.
+        reason: Reason in a word.
         message: One sentence.
         details: Values a program can use.
     """
 
-    at: float
     reason: Reason
     message: str
     details: dict[str, Any]
@@ -221,6 +228,27 @@ class ToolPath:
     tolerances: Tolerances
     transits: tuple[tuple[int, Array], ...] = ()
     speed_band: float | None = None
+
+    @classmethod
+    def joined(cls, paths: "Sequence[ToolPath]") -> "ToolPath":
+        """Complete paths of one tolerance, one after the other."""
+        firsts = accumulate((len(path.runs) for path in paths), initial=0)
+        return replace(
+            paths[0],
+            runs=tuple(run for path in paths for run in path.runs),
+            segments=tuple(segment for path in paths for segment in path.segments),
+            transits=tuple(
+                (first + k, waypoints)
+                for first, path in zip(firsts, paths, strict=False)
+                for k, waypoints in path.transits
+            ),
+        )
+
+    def reverse(self) -> "ToolPath":
+        """Path of one completed line, backwards."""
+        (run,), (segment,) = self.runs, self.segments
+        back = line(run.motions[0].T_end, run.motions[0].T_start)
+        return replace(self, runs=(replace(run, motions=(back,)),), segments=(segment.reverse(),))
 
     @property
     def waypoints(self) -> Array:

@@ -32,7 +32,7 @@ from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath
 from planning.tool_paths.blending import runs
 from planning.tool_paths.seams.planner import plan_seam
 from planning.tool_paths.tool_deviation import places_at
-from planning.tool_paths.tool_following import HINTS, lead_tool
+from planning.tool_paths.tool_following import HINTS, NAME, lead_tool, stop_failure
 
 #: Instants that are drawn over all motions together.
 INSTANTS = 64
@@ -281,7 +281,7 @@ class Cartesian:
 
     options: CartesianOptions
     share: float = 0.9
-    name: ClassVar[str] = "cartesian"
+    name: ClassVar[str] = NAME
     needs_goals: ClassVar[bool] = False
 
     @classmethod
@@ -320,26 +320,23 @@ class Cartesian:
             InvalidGoal: Motions that name no circle.
         """
         if self.options.seam is not None:
-            return plan_seam(query, self.options, self.tolerances)
+            found = plan_seam(query, self.options, self.tolerances)
+            if isinstance(found, Failure):
+                return Attempt(None, f"{found.message}.", failure=found)
+            return _attempt(*found)
         problem, start = query.problem, query.ready.start
         chain = problem.robot.chain
         motions = tool_motions(forward(chain, start), self.options, _target(problem))
         led = runs(motions, self._blends(len(motions)))
-        tool_path = lead_tool(chain, query.checker, start, led, self.tolerances, query.deadline)
-        failure = self._failure(problem, tool_path) or _constraint_failure(problem, tool_path)
+        path = lead_tool(query.checker, start, led, self.tolerances, query.deadline)
+        failure = self._failure(problem, path) or _constraint_failure(problem, path)
         if failure is not None:
-            detail = f"{failure.message}." if tool_path.stop is None else _describe(tool_path)
-            return Attempt(None, detail, failure=failure)
-        notes, stop = repairs(self.options, motions), tool_path.stop
+            return Attempt(None, f"{failure.message}.", failure=failure)
+        notes, stop = repairs(self.options, motions), path.stop
         if stop is None:
-            return Attempt(tool_path.waypoints, _describe(tool_path), notes, tool_path=tool_path)
-        return Attempt(
-            tool_path.waypoints,
-            _describe(tool_path),
-            notes=(*notes, f"The motion ends early: {stop.message}."),
-            tool_path=tool_path,
-            stopped=_stop_details(chain, tool_path, stop),
-        )
+            return _attempt(path, notes)
+        attempt = _attempt(path, (*notes, f"The motion ends early: {stop.message}."))
+        return replace(attempt, stopped=_end_details(chain, path))
 
     def _blends(self, count: int) -> list[float]:
         """Distance from the end of each motion at which the tool may leave it [m]."""
@@ -354,24 +351,21 @@ class Cartesian:
             return _joints_failure(problem, tool_path)
         if self.options.allow_partial and tool_path.fraction > 0.0:
             return None
-        stop, percentage = tool_path.stop, 100.0 * tool_path.fraction
-        code = "PLANNING_FAILED"
-        message = f"the tool can be led along {percentage:.4g} % of its motion only: {stop.message}"
-        if stop.reason == "time":
-            code = "TIMED_OUT"
-            message = f"time was up after {percentage:.4g} % of the motion"
-        hint = f"{HINTS[stop.reason]} allow_partial answers what can be done."
-        details = _stop_details(problem.robot.chain, tool_path, stop)
-        return Failure(code, message, hint, self.name, details=details)
+        return stop_failure(
+            tool_path.stop,
+            f"the tool can be led along {100.0 * tool_path.fraction:.4g} % of its motion only",
+            f"{HINTS[tool_path.stop.reason]} allow_partial answers what can be done.",
+            **_end_details(problem.robot.chain, tool_path),
+        )
 
 
-def _describe(tool_path: ToolPath) -> str:
-    """Sentence about the part of the tool's motions that was followed."""
-    if tool_path.stop is None:
-        count = len(tool_path.waypoints)
-        asked = tool_path.runs[-1].asked[-1] + 1
-        return f"{asked} motion(s), {count} configurations."
-    return f"{100.0 * tool_path.fraction:.4g} % of the way: {tool_path.stop.message}."
+def _attempt(path: ToolPath, notes: tuple[str, ...]) -> Attempt:
+    """A tool path that was found."""
+    asked = 1 + max(k for run in path.runs for k in run.asked)
+    detail = f"{asked} motion(s), {len(path.waypoints)} configurations"
+    if path.stop is not None:
+        detail = f"{100.0 * path.fraction:.4g} % of the way: {path.stop.message}"
+    return Attempt(path.waypoints, f"{detail}.", notes, tool_path=path)
 
 
 def _check_timing(timing: TimingOptions) -> None:
@@ -434,13 +428,12 @@ def _joints_failure(problem: Problem, tool_path: ToolPath) -> Failure | None:
         return None
     chain = problem.robot.chain
     j = int(np.argmax(np.abs(q - goal.joints)))
-    return Failure(
-        "PLANNING_FAILED",
-        "the tool can be led to the goal's pose, but not to its joints: "
-        f"{chain.joint_names[j]!r} ends at {q[j]:.6g}, not {goal.joints[j]:.6g}",
+    text = f"{chain.joint_names[j]!r} ends at {q[j]:.6g}, not {goal.joints[j]:.6g}"
+    return stop_failure(
+        Stop("branch", text, {}),
+        "the tool can be led to the goal's pose, but not to its joints",
         "Give the goal as a pose, or a goal in the branch of the start.",
-        Cartesian.name,
-        details=_end_details(chain, tool_path) | {"reason": "branch"},
+        **_end_details(chain, tool_path),
     )
 
 
@@ -454,24 +447,21 @@ def _constraint_failure(problem: Problem, tool_path: ToolPath) -> Failure | None
 
 
 def _end_details(chain: Chain, tool_path: ToolPath) -> dict[str, Any]:
-    """Progress of the tool, as values."""
-    segment = tool_path.segments[-1]
-    reached = 1.0 if segment.stop is None else segment.reached
+    """Progress of the tool and the reason for its stop, as values."""
+    segment, stop = tool_path.segments[-1], tool_path.stop
+    reached = 1.0 if stop is None else segment.reached
     last = tool_path.runs[-1].parts_until(reached)[-1]
     T = forward(chain, segment.end)
     pose = {
         "position": T[:3, 3].tolist(),
         "quaternion_xyzw": to_quaternion(T[:3, :3]).tolist(),
     }
-    return {
+    progress = {
         "fraction": tool_path.fraction,
         "motion": last.asked,
         "motion_fraction": min((reached - last.begin) / (last.end - last.begin), 1.0),
         "nearest": {"joints": segment.end.tolist(), "pose": pose},
     }
-
-
-def _stop_details(chain: Chain, tool_path: ToolPath, stop: Stop) -> dict[str, Any]:
-    """Progress of the tool and the reason for its stop, as values."""
-    reason = {"reason": stop.reason, "message": stop.message}
-    return {**_end_details(chain, tool_path), **reason, **stop.details}
+    if stop is None:
+        return progress
+    return {**progress, "reason": stop.reason, "message": stop.message, **stop.details}

@@ -12,7 +12,8 @@ Reasons why the tool can't be led on: what is in the way, by how much, and what 
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 import scipy
@@ -22,9 +23,10 @@ from kinematics.arrays import Array
 from kinematics.ik.numeric import numeric
 from kinematics.ik.numeric.numeric import AXES, POSITION
 from kinematics.jacobian import geometric
-from kinematics.model.chain import Chain, JointType
+from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
+from planning.result import Failure
 from planning.timing.path.path import JointPath
 from planning.tool_motions.tool_path import Reason, Stop, Tolerances, ToolPath, ToolRun, ToolSegment
 from planning.tool_paths.projection import REACHED, pack_tolerance, project
@@ -41,31 +43,29 @@ HINTS: dict[Reason, str] = {
     "deviation": "Allow a larger max_deviation, or give waypoints farther apart.",
     "time": "Allow more time.",
 }
-#: Least singular value, as part of the largest, below which an arm counts as singular.
-SINGULAR = 1e-2
+#: Name of the planner.
+NAME = "cartesian"
 
 
-class Cause(NamedTuple):
-    """Reason why the arm can't be at a pose, or not come to it.
+def stop_failure(stop: Stop, message: str, hint: str | None = None, /, **details: Any) -> Failure:
+    """Failure of a tool path that ends with a stop.
 
     Args:
-        reason: Reason in a word.
-        message: One sentence.
-        details: Numbers for the reason.
+        stop: The reason.
+        message: How far the path goes.
+        hint: Advice; that for the reason if None.
+        details: Values beside those of the reason.
     """
-
-    reason: Reason
-    message: str
-    details: dict[str, Any]
-
-
-def endless(chain: Chain) -> Chain:
-    """The chain without joint limits."""
-    none = np.full(chain.n, np.inf)
-    return replace(chain, limits=replace(chain.limits, lower=-none, upper=none))
+    return Failure(
+        "TIMED_OUT" if stop.reason == "time" else "PLANNING_FAILED",
+        f"{message}: {stop.message}",
+        HINTS[stop.reason] if hint is None else hint,
+        NAME,
+        details={"reason": stop.reason, **details, **stop.details},
+    )
 
 
-def at_limit(chain: Chain, q: Array) -> Cause:
+def at_limit(chain: Chain, q: Array) -> Stop:
     """The joint that is farthest beyond its limits at a configuration (n,)."""
     limits = chain.limits
     beyond = np.maximum(limits.lower - q, q - limits.upper)
@@ -74,20 +74,12 @@ def at_limit(chain: Chain, q: Array) -> Cause:
     name, excess = chain.joint_names[j], max(float(beyond[j]), 0.0)
     text = f"joint {name!r} would have to go {excess:.4g} beyond its limit {limit:.6g}"
     details = {"joint": name, "limit": limit, "value": float(q[j]), "excess": excess}
-    return Cause("limit", text, details)
-
-
-def nearest_turns(chain: Chain, q: Array) -> Array:
-    """A configuration (n,) with whole turns that bring each joint nearest to its middle."""
-    limits, turn = chain.limits, 2.0 * np.pi
-    both = limits.lower + limits.upper
-    turns = np.round((q - 0.5 * np.where(np.isfinite(both), both, 0.0)) / turn)
-    return np.where(chain.joint_types == JointType.REVOLUTE, q - turn * turns, q)
+    return Stop("limit", text, details)
 
 
 def out_of_reach(
     chain: Chain, target: Array, options: numeric.SearchOptions, seed: Array
-) -> tuple[Cause | None, Array]:
+) -> tuple[Stop | None, Array]:
     """Reason why no configuration has the tool at a pose, and the nearest one; None if one has.
 
     Args:
@@ -103,10 +95,30 @@ def out_of_reach(
     names = ("position_error", "orientation_error")
     errors = {name: float(getattr(nearest, name)) for name in names}
     text = "the arm comes no nearer than {:.4g} m and {:.4g} rad".format(*errors.values())
-    return Cause("unreachable", text, errors), nearest.joints
+    return Stop("unreachable", text, errors), nearest.joints
 
 
-def relative_singular_value(chain: Chain, q: Array, rows: slice = slice(6)) -> tuple[float, float]:
+def no_way_on(chain: Chain, configurations: Array, rows: slice = slice(6)) -> Stop:
+    """Reason why no motion leads on from some configurations to a pose that can be reached.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        configurations: Shape (k, n).
+        rows: Rows of the Jacobian that count.
+    """
+    values = [_singular_values(chain, q, rows) for q in configurations]
+    least, share = max(values, key=itemgetter(1), default=(0.0, 1.0))
+    details = {"smallest_singular_value": least}
+    # Least singular value, as part of the largest, below which an arm counts as singular.
+    if share < 1e-2:
+        text = f"the arm is singular here (smallest singular value {least:.3g})"
+        return Stop("singularity", text, details)
+    return Stop(
+        "branch", "the arm could only go on in another branch of its inverse kinematics", details
+    )
+
+
+def _singular_values(chain: Chain, q: Array, rows: slice) -> tuple[float, float]:
     """The least singular value of the Jacobian's rows that count, and as part of the largest."""
     J = geometric(chain, q)[rows]
     # Rows of the Jacobian below this are 0: no joint moves the tool that way.
@@ -122,15 +134,18 @@ _LEAST_STEP = 1e-5
 #: What the solver adds to the joint limits to keep inside them [rad or m], for the spline between.
 _INSIDE = np.array([[1e-4], [-1e-4]])
 _SHARP = "the joints would have to turn too sharply to keep the tool within max_deviation"
+TIME = Stop("time", "time was up", {})
+#: Places of a run from 0 to 1 and configurations there, shapes (k,) and (k, n).
+Knots = tuple[Array, Array]
 
 
 def lead_tool(
-    chain: Chain,
     checker: Checker,
     start: Array,
     runs: Sequence[ToolRun],
     tolerances: Tolerances,
     deadline: Deadline,
+    knots: Sequence[Knots] | None = None,
 ) -> ToolPath:
     """Lead the tool along motions from a configuration, as far as can be proved free.
 
@@ -139,17 +154,21 @@ def lead_tool(
     kinematics the tool is within the tolerances too, which is proved, not sampled.
 
     Args:
-        chain: The robot; its tip is the tool.
         checker: The robot in its scene.
         start: Free and inside the limits, shape (n,).
         runs: Lines and arcs from rest to rest, at least one.
-        tolerances: How far the tool may be off them.
+        tolerances: How far the tool may be off them, or out of their boxes.
         deadline: Time at which to give up.
+        knots: Configurations on each run that a search has chosen; None to find them in the
+            branch of the start.
     """
+    chain, q = checker.model.robot.chain, start
     segments: list[ToolSegment] = []
-    q = start
-    for run in runs:
-        segment = free_part(checker, follow(chain, run, q, tolerances, deadline))
+    for k, run in enumerate(runs):
+        chosen = None if knots is None else knots[k]
+        segment = follow(chain, run, q, tolerances, deadline, chosen)
+        if chosen is None or segment.stop is None:
+            segment = free_part(checker, segment)
         segments.append(segment)
         q = segment.end
         if segment.stop is not None:
@@ -182,7 +201,7 @@ def free_part(checker: Checker, segment: ToolSegment) -> ToolSegment:
             a, b = motion.pair
             text = f"{a!r} and {b!r} come too near to each other"
             details = {"pair": [a, b], "colliding": motion.colliding}
-            return segment.cut(at + clear, Stop(at + clear, "collision", text, details))
+            return segment.cut(at + clear, Stop("collision", text, details))
         at += float(length)
     return segment
 
@@ -205,37 +224,27 @@ def _clear_until(checker: Checker, piece: Array, length: float, met: float) -> f
 
 
 def follow(
-    chain: Chain, run: ToolRun, start: Array, tolerances: Tolerances, deadline: Deadline
+    chain: Chain,
+    run: ToolRun,
+    start: Array,
+    tolerances: Tolerances,
+    deadline: Deadline,
+    knots: Knots | None = None,
 ) -> ToolSegment:
     """Follow a run from a configuration whose tool is where it begins.
 
     Args:
         chain: The robot; its tip is the tool.
-        run: The motions.
+        run: The motions, with the boxes that the tool may be in.
         start: Inside the limits, shape (n,).
         tolerances: How far the tool may be off it, between the configurations too.
         deadline: Time at which to give up.
+        knots: Places from 0 to 1 and configurations there, shapes (k,) and (k, n), to which more
+            are added where they are needed; None to find them from the start on.
     """
-    following = _Following(chain, run, ([0.0], [start]), tolerances, deadline)
-    return following.spline(following.march())
-
-
-def follow_through(
-    chain: Chain,
-    run: ToolRun,
-    knots: tuple[Array, Array],
-    tolerances: Tolerances,
-    deadline: Deadline,
-) -> ToolSegment:
-    """Follow a run through configurations that are known, with more of them where it needs them.
-
-    Args:
-        chain: The robot; its tip is the tool.
-        run: The motions, with the box that the tool may be in.
-        knots: Places from 0 to 1 and configurations there, shapes (k,) and (k, n).
-        tolerances: How far the tool may be off them, or out of the box.
-        deadline: Time at which to give up.
-    """
+    if knots is None:
+        following = _Following(chain, run, ([0.0], [start]), tolerances, deadline)
+        return following.spline(following.march())
     places, joints = knots
     following = _Following(chain, run, (places.tolist(), list(joints)), tolerances, deadline)
     following.grade()
@@ -281,7 +290,7 @@ class _Following:
                 self.joints.append(q[0])
                 step *= 2.0
             elif step / 2.0 < _LEAST_STEP or self._deadline.passed:
-                return self._explain(len(self.places) - 1, at)
+                return self._explain(at)
             else:
                 step /= 2.0
         return None
@@ -324,7 +333,7 @@ class _Following:
             if not wide:
                 return ToolSegment(path, start, joints[-1], places[-1], stop)
             if rounds == 0:
-                return ToolSegment(path, start, joints[-1], 1.0, Stop(1.0, "deviation", _SHARP, {}))
+                return ToolSegment(path, start, joints[-1], 1.0, Stop("deviation", _SHARP, {}))
             if rounds is not None:
                 # Where pieces of different lengths meet the spline rings: farther off each time.
                 wide = _beside(wide, len(path.lengths), reach)
@@ -411,36 +420,30 @@ class _Following:
             self.joints.insert(piece + 1, q)
         if count == len(at):
             return None
-        return self._explain(len(self.places) - 1, float(at[count]), between=True)
+        return self._explain(float(at[count]), between=True)
 
-    def _explain(self, k: int, at: float, *, between: bool = False) -> Stop:
-        """The reason why the arm can't go on from its k-th place."""
-        reached, q = self.places[k], self.joints[k]
+    def _explain(self, at: float, *, between: bool = False) -> Stop:
+        """The reason why the arm can't go on from the last configuration to a place."""
         if self._deadline.passed:
-            return Stop(reached, "time", "time was up", {})
-        cause = self._limit(q, at) or self._cause(q, at, between=between)
-        return Stop(reached, *cause)
-
-    def _cause(self, q: Array, at: float, *, between: bool) -> Cause:
-        """The reason why the arm can't go on from a configuration, limits apart."""
+            return TIME
+        q = self.joints[-1]
+        at_limit = self._limit(q, at)
+        if at_limit is not None:
+            return at_limit
         is_free = self._tolerances.orientation is None
         # Starts spent on finding out whether a pose can be reached at all.
         options = numeric.SearchOptions(starts=150, axes=POSITION if is_free else AXES)
-        least, share = relative_singular_value(self._chain, q, slice(3 if is_free else 6))
-        details: dict[str, Any] = {"smallest_singular_value": least}
+        stop = no_way_on(self._chain, q[None], slice(3 if is_free else 6))
         beyond, other = out_of_reach(self._chain, self._run.pose(at), options, q)
         if beyond is not None:
-            return beyond._replace(details=details | beyond.details)
-        if share < SINGULAR:
-            text = f"the arm is singular here (smallest singular value {least:.3g})"
-            return Cause("singularity", text, details)
+            return replace(beyond, details=stop.details | beyond.details)
+        if stop.reason == "singularity":
+            return stop
         if between:
-            return Cause("deviation", _SHARP, details)
-        details["other_joints"] = other.tolist()
-        text = "the arm could only go on in another branch of its inverse kinematics"
-        return Cause("branch", text, details)
+            return Stop("deviation", _SHARP, stop.details)
+        return replace(stop, details=stop.details | {"other_joints": other.tolist()})
 
-    def _limit(self, q: Array, at: float) -> Cause | None:
+    def _limit(self, q: Array, at: float) -> Stop | None:
         """The joint limit without which the arm could go on; None where it could not."""
         none = np.full((2, len(q)), np.inf) * [[-1.0], [1.0]]
         beyond, solved = self._solve([at], q[None], (none,))

@@ -118,7 +118,7 @@ class JointPath:
     @property
     def length(self) -> float:
         """Length in the path parameter s."""
-        return float(np.sum(self.lengths))
+        return float(self.breaks[-1])
 
     @property
     def corners(self) -> tuple[int, ...]:

@@ -8,29 +8,24 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.ik.numeric import numeric
 from planning.result import Failure
-from planning.tool_motions.tool_path import Reason, Stop
+from planning.tool_motions.tool_path import Reason, Stop, ToolPath
 from planning.tool_motions.tool_tolerance import RX, RZ, ToolTolerance
 from planning.tool_paths.blending import corner_angle
+from planning.tool_paths.projection import REACHED
 from planning.tool_paths.seams.path import SeamPlaces
 from planning.tool_paths.seams.search import SeamGraph, SeamSearch
 from planning.tool_paths.tool_following import (
     HINTS,
-    SINGULAR,
-    Cause,
+    TIME,
     at_limit,
-    endless,
-    nearest_turns,
+    no_way_on,
     out_of_reach,
-    relative_singular_value,
+    stop_failure,
 )
-
-#: Name of the planner.
-_NAME = "cartesian"
 
 _BEND_HINT = (
     "Allow a larger max_deviation, give the waypoints a blend, or lead the path through arcs (via) "
@@ -53,8 +48,7 @@ def explain_search(
         advise: Whether tolerances are searched for that would help, which takes its time.
     """
     if search.deadline.passed:
-        return Failure("TIMED_OUT", "time was up before a way along the seam was found",
-                       HINTS["time"], _NAME)  # fmt: skip
+        return stop_failure(TIME, "no way along the seam was found")
     for one in graphs:
         search.check_all(one)
         search.solve(one)
@@ -67,7 +61,6 @@ def explain_search(
     before = layers[max(failing - 1, 0)]
     waypoint = int(places.waypoint[place])
     details = {
-        "reason": reason.reason,
         "waypoint": waypoint,
         "reached_waypoint": int(places.waypoint[before]),
         "fraction": float(places.along[before] / places.length),
@@ -79,13 +72,10 @@ def explain_search(
         },
         "followable": _followable(places, graph),
         "other_branches": bool(np.isfinite(graph.costs[graph.of_layer(failing)]).any()),
-        **reason.details,
         "would_help": list(_helpful_tolerances(search)) if advise else [],
     }  # fmt: skip
-    message = f"the seam can't be followed beyond waypoints[{waypoint}]: {reason.message}"
-    return Failure(
-        "PLANNING_FAILED", message, _hint(reason.reason, details), _NAME, details=details
-    )
+    message = f"the seam can't be followed beyond waypoints[{waypoint}]"
+    return stop_failure(reason, message, _hint(reason.reason, details), **details)
 
 
 def _hint(reason: Reason, details: dict[str, Any]) -> str:
@@ -116,25 +106,23 @@ def _followable(places: SeamPlaces, graph: SeamGraph) -> list[dict[str, int]]:
     return parts
 
 
-def explain_stop(places: SeamPlaces, number: int, stop: Stop) -> Failure:
+def explain_path(places: SeamPlaces, path: ToolPath) -> Failure:
     """Failure of a joint path that stops on one of the runs of a seam.
 
     Args:
         places: Places of the seam.
-        number: Index of the run.
-        stop: Place and reason of the stop.
+        path: The path.
     """
-    run = places.runs[number]
-    part = run.parts_until(max(stop.at, 1e-9))[-1]
-    before = sum(other.length for other in places.runs[:number])
-    fraction = (before + stop.at * run.length) / places.length
+    run, segment, stop = path.runs[-1], path.segments[-1], path.stop
+    assert stop is not None
+    part = run.parts_until(max(segment.reached, 1e-9))[-1]
+    done = sum(other.length for other in path.runs[:-1]) + segment.reached * run.length
     waypoint = part.asked + 1
-    return Failure(
-        "TIMED_OUT" if stop.reason == "time" else "PLANNING_FAILED",
-        f"the seam can't be followed to waypoints[{waypoint}]: {stop.message}",
-        HINTS[stop.reason],
-        _NAME,
-        details={"reason": stop.reason, "waypoint": waypoint, "fraction": fraction, **stop.details},
+    return stop_failure(
+        stop,
+        f"the seam can't be followed to waypoints[{waypoint}]",
+        waypoint=waypoint,
+        fraction=done / places.length,
     )
 
 
@@ -151,90 +139,76 @@ def explain_bend(places: SeamPlaces) -> Failure:
     ]
     angle, waypoint = max(bends, default=(0.0, 1))
     ranged = any((t.upper > t.lower)[:RX].any() for t in places.tolerances)
-    return Failure(
-        "PLANNING_FAILED",
+    text = (
         "the joints would have to turn too sharply to keep the tool within its tolerance; the path "
-        f"bends most at waypoints[{waypoint}], by {math.degrees(angle):.3g} degrees",
+        f"bends most at waypoints[{waypoint}], by {math.degrees(angle):.3g} degrees"
+    )
+    return stop_failure(
+        Stop("deviation", text, {}),
+        "the seam can't be followed",
         f"{_BEND_HINT} {_RANGE_HINT}" if ranged else _BEND_HINT,
-        _NAME,
-        details={"reason": "deviation", "waypoint": waypoint, "bend": angle},
+        waypoint=waypoint,
+        bend=angle,
     )
 
 
 def _first_unreached(graph: SeamGraph) -> int:
     """The first layer that no way from the first layer leads to."""
-    for layer in range(len(graph.layers)):
-        mine = graph.of_layer(layer)
-        if not (np.isfinite(graph.best[mine]) & (graph.origin[mine] == 0)).any():
-            return layer
-    return len(graph.layers) - 1
+    last = len(graph.layers) - 1
+    return next((layer for layer in range(last) if not graph.reached(layer).size), last)
 
 
-def _reason(search: SeamSearch, graph: SeamGraph, layer: int) -> Cause:
+def _reason(search: SeamSearch, graph: SeamGraph, layer: int) -> Stop:
     """Reason why no way leads to a layer."""
     mine = graph.of_layer(layer)
+    reached = graph.nodes.joints[graph.reached(layer - 1)] if layer > 0 else search.start[None]
     if not mine.size:
-        return _beyond(search, graph, layer)
+        return _beyond(search, reached, int(graph.layers[layer]))
     colliding = mine[graph.collided[mine]]
     if np.isfinite(graph.costs[mine]).any():
-        met = _met_on_the_way(search, graph, mine)
-        if not len(met):
-            return _discontinuous(search, graph, layer)
-        return _collision(search, met, "all ways there collide")
+        met = _met_on_the_way(search, graph, layer)
+        if len(met):
+            return _collision(search, met, "all ways there collide")
+        # Configurations that are checked for being singular: some 60 of them.
+        return no_way_on(search.chain, reached[:: max(1, len(reached) // 60)])
     if not colliding.size:
-        return Cause("limit", "all configurations there are at a joint limit", {})
+        return Stop("limit", "all configurations there are at a joint limit", {})
     return _collision(search, graph.nodes.joints[colliding], "all configurations collide")
 
 
-def _met_on_the_way(search: SeamSearch, graph: SeamGraph, mine: NDArray[np.int64]) -> Array:
+def _met_on_the_way(search: SeamSearch, graph: SeamGraph, layer: int) -> Array:
     """Colliding configurations without which there would be a way to a layer, shape (k, n)."""
     joints, free = graph.nodes.joints, search.without_collisions(graph)
-    reached = mine[np.isfinite(free.best[mine]) & (free.origin[mine] == 0)]
-    if not reached.size:
+    way, reached = free.cheapest(layer), free.reached(layer)
+    if way is None:
         return np.empty((0, joints.shape[1]))
-    colliding = reached[graph.collided[reached]]
-    if colliding.size:
-        return np.asarray(joints[colliding])
-    way = free.way_to(int(reached[np.argmin(free.best[reached])]))
+    if graph.collided[reached].any():
+        return np.asarray(joints[reached[graph.collided[reached]]])
     hits = [graph.hits[step] for step in pairwise(way) if step in graph.hits]
     return np.array([joints[node] for node in way if graph.collided[node]] + hits)
 
 
-def _collision(search: SeamSearch, colliding: Array, words: str) -> Cause:
+def _collision(search: SeamSearch, colliding: Array, words: str) -> Stop:
     """The least deep of some collisions, of configurations (k, n)."""
     depth, pair = search.checker.least_overlap(colliding) or (0.0, ("", ""))
     text = f"{words}, at best {pair[0]!r} with {pair[1]!r} by {depth:.4g} m"
-    return Cause("collision", text, {"pair": list(pair), "depth": depth})
+    return Stop("collision", text, {"pair": list(pair), "depth": depth})
 
 
-def _beyond(search: SeamSearch, graph: SeamGraph, layer: int) -> Cause:
-    """Reason why inverse kinematics has nothing for a layer."""
-    chain, target = search.chain, search.places.nominal[graph.layers[layer]]
+def _beyond(search: SeamSearch, reached: Array, place: int) -> Stop:
+    """Reason why inverse kinematics has nothing at a place that follows configurations (k, n)."""
+    chain, q = search.chain, reached.copy()
+    lower, upper = chain.limits.lower, chain.limits.upper
+    none = np.full((2, chain.n), np.inf) * [[-1.0], [1.0]]
+    errors = search.project_at(q, np.full(len(q), place), none)
+    q = q[errors.max(axis=1) <= REACHED]
+    excess = np.maximum(lower - q, q - upper).max(axis=1)
+    if (excess > 0.0).any():
+        return at_limit(chain, q[np.argmin(np.where(excess > 0.0, excess, np.inf))])
     # Starts of the search for the nearest pose.
     options = numeric.SearchOptions(starts=60)
-    cause, _ = out_of_reach(chain, target, options, search.start)
-    if graph.nodes.outside[layer]:
-        beyond, q = out_of_reach(endless(chain), target, options, search.start)
-        if beyond is None:
-            return at_limit(chain, nearest_turns(chain, q))
-    return cause or Cause("limit", "the closed form has no solution inside the limits there", {})
-
-
-def _discontinuous(search: SeamSearch, graph: SeamGraph, layer: int) -> Cause:
-    """Reason why configurations of a layer can't be reached from those before."""
-    firsts = graph.nodes.firsts
-    before = np.arange(firsts[max(layer - 1, 0)], firsts[max(layer, 1)])
-    reached = before[np.isfinite(graph.best[before]) & (graph.origin[before] == 0)]
-    # Configurations whose depth in obstacles is checked.
-    some = graph.nodes.joints[reached[:: max(1, len(reached) // 60)]]
-    sharpest = max((relative_singular_value(search.chain, q)[1] for q in some), default=0.0)
-    details = {"smallest_singular_value": sharpest}
-    # Least singular value, as part of the largest, below which an arm counts as singular.
-    if reached.size and sharpest < 2.0 * SINGULAR:
-        return Cause("singularity", "all ways there come to a singularity", details)
-    return Cause(
-        "branch", "the arm could only go on in another branch of its inverse kinematics", details
-    )
+    stop, _ = out_of_reach(chain, search.places.nominal[place], options, search.start)
+    return stop or Stop("limit", "the closed form has no solution inside the limits there", {})
 
 
 def least_that(suffices: Callable[[float], bool], most: float, least: float) -> float | None:

@@ -6,22 +6,25 @@ tolerances (projected Jacobi smoothing). Through the places goes one cubic splin
 more of them where the tool would leave its tolerance.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
-from obstacles.collision.checker import Checker
-from planning.tool_motions.tool_path import Tolerances, ToolSegment
+from planning.result import Failure
+from planning.tool_motions.tool_path import Tolerances, ToolPath
 from planning.tool_motions.tool_tolerance import RX, ToolTolerance
 from planning.tool_paths.projection import REACHED
+from planning.tool_paths.seams.failure import explain_bend, explain_path
+from planning.tool_paths.seams.nodes import COARSE, DENSE, FINE, Density
 from planning.tool_paths.seams.path import SeamPlaces
-from planning.tool_paths.seams.search import SeamSearch
-from planning.tool_paths.tool_following import follow_through
-from planning.values.deadline import Deadline
+from planning.tool_paths.seams.search import SeamGraph, SeamJoints, SeamSearch
+from planning.tool_paths.tool_following import TIME, lead_tool, stop_failure
 
 
 def refine(search: SeamSearch, joints: Array) -> Array:
@@ -71,35 +74,94 @@ def _smooth(joints: Array, stiffness: float) -> Array:
     return np.ascontiguousarray(scipy.linalg.solveh_banded(bands, joints))
 
 
-def segments(
-    checker: Checker,
-    places: SeamPlaces,
-    joints: Array,
-    deviations: Tolerances,
-    deadline: Deadline,
-) -> tuple[ToolSegment, ...] | None:
-    """Joint paths of all runs of a seam; None where a spline can't be brought into the tolerance.
+class Followed(NamedTuple):
+    """Result of the search for a joint path along a seam.
 
     Args:
-        checker: The robot; collisions are not checked here.
-        places: Places of the seam.
-        joints: Configurations there, shape (k, n).
-        deviations: Excess allowed of tolerances.
-        deadline: Time at which to give up.
+        path: Joint path of all runs, proved free; None where there is none.
+        failure: Failure of the first way that was found; None where there was none.
+        unfound: Graphs in which there was no way.
     """
-    finished: list[ToolSegment] = []
-    first = 0
-    for number, last in enumerate(places.ends):
-        chosen = _knots(places, first, last)
-        s = np.append(places.s[chosen[:-1]], 1.0)
-        knots = s, joints[chosen]
-        run = places.runs[number]
-        segment = follow_through(checker.model.robot.chain, run, knots, deviations, deadline)
-        if segment.stop is not None or deadline.passed:
-            return None
-        finished.append(segment)
-        first = last
-    return tuple(finished)
+
+    path: ToolPath | None
+    failure: Failure | None = None
+    unfound: tuple[SeamGraph, ...] = ()
+
+
+#: Searches in turn: whether all places are layers, and the density of their configurations.
+LOOKS: tuple[tuple[bool, Density], ...] = (
+    (False, COARSE), (False, DENSE), (True, COARSE), (True, FINE),
+)  # fmt: skip
+
+
+def follow_seam(
+    search: SeamSearch, tolerances: Tolerances, looks: Sequence[tuple[bool, Density]] = LOOKS
+) -> Followed:
+    """Find a joint path along a seam in one branch, of few configurations, or of more.
+
+    Args:
+        search: Search of the seam.
+        tolerances: Deviations that are added to the tolerances of the seam.
+        looks: Searches in turn.
+    """
+    unfound: list[SeamGraph] = []
+    failure: Failure | None = None
+    for every, density in looks:
+        if search.deadline.passed and (unfound or failure):
+            break
+        # Places of a seam up to which all of them are searched where a few have no way.
+        if every and len(search.places.s) > 600:
+            continue
+        for places in with_fewer_ranges(search.places, tolerances.position):
+            narrower = replace(search, places=places)
+            found = narrower.run(every, density)
+            if found.joints is None:
+                unfound.append(found.graph)
+                break
+            followed = _follow_one(narrower, found, tolerances)
+            if isinstance(followed, ToolPath):
+                return Followed(followed)
+            failure = failure or followed
+            if followed.details["reason"] != "deviation":
+                break
+    return Followed(None, failure, tuple(unfound))
+
+
+def _follow_one(
+    search: SeamSearch, found: SeamJoints, tolerances: Tolerances
+) -> ToolPath | Failure:
+    """Joint path of the way that was found, or of another where its spline meets something."""
+    # Ways that are tried.
+    for _ in range(6):
+        assert found.joints is not None
+        followed = _follow(search, found.joints, tolerances)
+        if isinstance(followed, ToolPath) or followed.details["reason"] != "collision":
+            break
+        found = search.around(found, followed.details["fraction"])
+        if found.joints is None:
+            break
+    return followed
+
+
+def _follow(search: SeamSearch, joints: Array, tolerances: Tolerances) -> ToolPath | Failure:
+    """Joint path of the calmer way, or of the one that was found."""
+    places, deadline = search.places, search.deadline
+    failure = None
+    # A calmer way would begin elsewhere than where the arm has to.
+    calmer = [] if search.first is not None else [refine(search, joints)]
+    for way in (*calmer, joints):
+        knots = []
+        for first, last in pairwise((0, *places.ends)):
+            chosen = _knots(places, first, last)
+            knots.append((np.append(places.s[chosen[:-1]], 1.0), way[chosen]))
+        path = lead_tool(search.checker, way[0], places.runs, tolerances, deadline, knots)
+        if path.stop is None:
+            return path
+        if path.stop.reason == "collision":
+            failure = explain_path(places, path)
+    if deadline.passed:
+        return stop_failure(TIME, "the seam was not followed to its end")
+    return failure or explain_bend(places)
 
 
 def _knots(places: SeamPlaces, first: int, last: int) -> NDArray[np.int64]:

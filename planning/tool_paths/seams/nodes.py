@@ -1,6 +1,7 @@
 """Configurations of places on a seam: branches of inverse kinematics at sampled deviations."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
@@ -52,19 +53,20 @@ class Nodes(NamedTuple):
     Args:
         joints: Shape (m, n).
         firsts: Index of the first of each place, and m, shape (l + 1,).
-        outside: Whether of each place inverse kinematics has solutions outside the limits only.
     """
 
     joints: Array
     firsts: NDArray[np.int64]
-    outside: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, rows: Sequence[Array]) -> "Nodes":
+        """Those of each place (k, n)."""
+        firsts = np.cumsum([0, *(len(row) for row in rows)])
+        return cls(np.ascontiguousarray(np.concatenate(rows)), firsts)
 
     def begun_at(self, joints: Array) -> "Nodes":
         """The same with others at the first place, shape (k, n)."""
-        first = self.firsts[1]
-        rows = np.concatenate([joints, self.joints[first:]])
-        firsts = np.concatenate([[0], self.firsts[1:] - first + len(joints)])
-        return Nodes(np.ascontiguousarray(rows), firsts, self.outside)
+        return Nodes.of([joints, *np.split(self.joints, self.firsts[1:-1])[1:]])
 
 
 def sample_deviations(tolerance: ToolTolerance, is_redundant: bool) -> Array:
@@ -140,16 +142,22 @@ def nodes(
         counts.append(len(grid))
     T = np.ascontiguousarray(np.concatenate(targets))
     if structure(chain) is not None:
-        joints, owner, missed = _closed_form(chain, T, seed, density.parameters)
+        joints, owner = _closed_form(chain, T, seed, density.parameters)
     elif carried is not None:
-        joints, owner, missed = _by_carrier(chain, carried, T, seed, density.carried)
+        joints, owner = _by_carrier(chain, carried, T, seed, density.carried)
     else:
-        joints, owner, missed = _search(chain, T, seed)
+        joints, owner = _search(chain, T, seed)
     joints, owner = _with_turns(chain, joints, owner)
-    layer = np.repeat(np.arange(len(layers)), counts)
-    outside = np.zeros(len(layers), dtype=np.bool_)
-    outside[layer[missed]] = True
-    return _sorted(joints, layer[owner], outside, density.most)
+    layer = np.repeat(np.arange(len(layers)), counts)[owner]
+    rows = [_thinned(joints[layer == k], density.most) for k in range(len(layers))]
+    return Nodes.of(rows)
+
+
+def _thinned(joints: Array, most: int) -> Array:
+    """Configurations (k, n), evenly thinned out where there are too many."""
+    if len(joints) <= most:
+        return joints
+    return np.asarray(joints[np.linspace(0, len(joints) - 1, most).astype(int)])
 
 
 def _with_turns(
@@ -170,29 +178,10 @@ def _with_turns(
     return joints, owner
 
 
-def _sorted(
-    joints: Array, layer: NDArray[np.int64], outside: NDArray[np.bool_], most: int
-) -> Nodes:
-    """Configurations in the order of their layers, thinned out where there are too many."""
-    order = np.argsort(layer, kind="stable")
-    joints, layer = joints[order], layer[order]
-    pieces, firsts = [], [0]
-    for k in range(len(outside)):
-        mine = joints[np.searchsorted(layer, k) : np.searchsorted(layer, k, side="right")]
-        if len(mine) > most:
-            mine = mine[np.linspace(0, len(mine) - 1, most).astype(int)]
-        pieces.append(mine)
-        firsts.append(firsts[-1] + len(mine))
-        outside[k] &= not len(mine)
-    return Nodes(
-        np.ascontiguousarray(np.concatenate(pieces)), np.array(firsts, dtype=np.int64), outside
-    )
-
-
 def _closed_form(
     chain: Chain, T: Array, seed: Array, values: int
-) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
-    """Branches inside the limits, the pose of each, and poses with branches outside them only."""
+) -> tuple[Array, NDArray[np.int64]]:
+    """Branches inside the limits, and the pose of each."""
     form = structure(chain)
     parameters = None
     if form is not None and form.redundant:
@@ -205,10 +194,8 @@ def _closed_form(
     table = branches(chain, T, seed_joints=seed, parameters=parameters)
     assert table.counts is not None
     rows = np.arange(table.table.shape[1])[None] < table.counts[:, None]
-    inside = rows & table.within_limits
-    owner, row = np.nonzero(inside)
-    missed = np.flatnonzero(rows.any(axis=1))
-    return table.joints[owner, row], owner, missed
+    owner, row = np.nonzero(rows & table.within_limits)
+    return table.joints[owner, row], owner
 
 
 def _carried_arm(chain: Chain) -> Chain | None:
@@ -237,20 +224,19 @@ def _carried_arm(chain: Chain) -> Chain | None:
 
 def _by_carrier(
     chain: Chain, arm: Chain, T: Array, seed: Array, parameters: int
-) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[Array, NDArray[np.int64]]:
     """Configurations of a carried arm: the closed form at some values of the first joint."""
     low, high = chain.sampling_bounds()
     # Values of a joint that carries the arm, such as a rail.
     values = np.linspace(low[0], high[0], 9)[1:-1]
-    all_joints, owners, missed = [], [], []
+    all_joints, owners = [], []
     for value in np.append(values, seed[0]):
         T_carrier = chain.offsets[0] @ _moved(chain, float(value))
         seen = np.ascontiguousarray(inverse(T_carrier) @ T)
-        joints, owner, miss = _closed_form(arm, seen, seed[1:], parameters)
+        joints, owner = _closed_form(arm, seen, seed[1:], parameters)
         all_joints.append(np.column_stack([np.full(len(joints), value), joints]))
         owners.append(owner)
-        missed.append(miss)
-    return np.concatenate(all_joints), np.concatenate(owners), np.unique(np.concatenate(missed))
+    return np.concatenate(all_joints), np.concatenate(owners)
 
 
 def _moved(chain: Chain, value: float) -> Array:
@@ -260,9 +246,7 @@ def _moved(chain: Chain, value: float) -> Array:
     return transform(None, [0.0, 0.0, value])
 
 
-def _search(
-    chain: Chain, T: Array, seed: Array
-) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+def _search(chain: Chain, T: Array, seed: Array) -> tuple[Array, NDArray[np.int64]]:
     """Configurations that the numeric method finds from several starts."""
     random = np.random.default_rng(0)
     low, high = chain.sampling_bounds()
@@ -276,4 +260,4 @@ def _search(
         solved = np.flatnonzero(found.solved)
         joints.append(found.joints[solved])
         owners.append(solved)
-    return np.concatenate(joints), np.concatenate(owners), np.zeros(0, dtype=np.int64)
+    return np.concatenate(joints), np.concatenate(owners)

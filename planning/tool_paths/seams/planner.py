@@ -1,201 +1,76 @@
-"""Plans along seams in one branch: the search, the calmer way, approach and retreat, transit."""
+"""Plans along seams: the path in one branch, approach and retreat, transit, changes of branch."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from kinematics.pose import transform
 from planning.clearance.time_shortcut import quicken
 from planning.options import CartesianOptions
 from planning.planner import Query
-from planning.result import Attempt, Failure
+from planning.result import Failure
 from planning.search.rrt_connect import rrt_connect, straight_line
 from planning.search.shortcut import shortcut
-from planning.tool_motions.tool_motion import line
-from planning.tool_motions.tool_path import (
-    PartName,
-    Stop,
-    Tolerances,
-    ToolPath,
-    ToolRun,
-    ToolSegment,
-)
-from planning.tool_motions.tool_tolerance import SeamOptions, StraightOffset
-from planning.tool_paths.seams.failure import explain_bend, explain_search, explain_stop
-from planning.tool_paths.seams.following import refine, segments, with_fewer_ranges
-from planning.tool_paths.seams.nodes import COARSE, DENSE, FINE, Density
+from planning.tool_motions.tool_path import PartName, Tolerances, ToolPath, ToolRun
+from planning.tool_motions.tool_tolerance import StraightOffset
+from planning.tool_paths.seams.failure import explain_search
+from planning.tool_paths.seams.following import follow_seam
 from planning.tool_paths.seams.path import seam_places, seam_runs, through_spline
-from planning.tool_paths.seams.search import SeamJoints, SeamSearch
-from planning.tool_paths.tool_following import follow, free_part
+from planning.tool_paths.seams.search import SeamSearch
+from planning.tool_paths.tool_following import NAME, lead_tool, stop_failure
 
 #: Reasons for which another branch may go on.
 _OTHER_BRANCH = {"branch", "limit", "singularity", "collision", "unreachable"}
-#: Name of the planner.
-NAME = "cartesian"
 
 
-#: Straight motions before or after a seam, and their joint paths.
-_Ends = tuple[tuple[ToolRun, ...], tuple[ToolSegment, ...]]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SeamPart:
-    """A part of a seam that is followed in one branch, with the ways there, before and after.
-
-    Args:
-        motions: Motions of the tool.
-        segments: The joint path of each.
-        transit: Waypoints of the free motion to where the first one begins, shape (k, n); None
-            where the robot is there.
-        detail: Account how it was found, for a person.
-    """
-
-    motions: tuple[ToolRun, ...]
-    segments: tuple[ToolSegment, ...]
-    transit: Array | None
-    detail: str
-
-
-def plan_in_one_branch(
+def _plan_in_one_branch(
     query: Query, start: Array, options: CartesianOptions, tolerances: Tolerances
-) -> SeamPart | Failure:
-    """Find a joint path along a seam in one branch, from where the arm is.
-
-    Args:
-        query: The robot in its scene; goals are not checked.
-        start: Configuration of the arm, shape (n,).
-        options: Options with a seam.
-        tolerances: Deviations that are added to the tolerances of the seam.
-
-    Raises:
-        InvalidGoal: Two waypoints at one place, or an arc that names no circle.
-    """
+) -> ToolPath | Failure:
+    """A joint path along a seam in one branch, from a start (n,), with approach and retreat."""
     seam = options.seam
     assert seam is not None
     places = seam_places(seam_runs(seam, options.blend))
     search = SeamSearch(query.checker, places, start, seam.speeds, query.deadline)
-    found, followed = _search(query, search, tolerances, advise=seam.branch_changes is None)
-    if isinstance(followed, Failure):
-        return followed
-    before = _beside(query, seam.approach, followed[0].start, "approach", tolerances)
-    if isinstance(before, Failure):
-        return before
-    after = _beside(query, seam.retreat, followed[-1].end, "retreat", tolerances)
-    if isinstance(after, Failure):
-        return after
-    parts = (*before[1], *followed, *after[1])
-    transit = _transit(query, start, parts[0].start)
+    path, failure, unfound = follow_seam(search, tolerances)
+    if path is None:
+        return failure or explain_search(search, unfound, advise=seam.branch_changes is None)
+    parts = [path]
+    if seam.approach is not None:
+        first = path.segments[0].start
+        parts.insert(0, _lead_beside(query, seam.approach, first, "approach", tolerances))
+    if seam.retreat is not None:
+        last = path.segments[-1].end
+        parts.append(_lead_beside(query, seam.retreat, last, "retreat", tolerances))
+    for part in parts:
+        if part.stop is not None:
+            name, reached = part.runs[0].name, part.segments[0].reached
+            return stop_failure(
+                part.stop,
+                f"the {name} can't be carried out beyond {100.0 * reached:.4g} % of it",
+                f"Give the {name} another direction, or a smaller distance.",
+                part=name,
+                reached=reached,
+            )
+    whole = ToolPath.joined(parts)
+    transit = _transit(query, start, whole.segments[0].start)
     if isinstance(transit, Failure):
         return transit
-    detail = (
-        f"{len(seam.waypoints)} waypoints, {len(found.graph.nodes.joints)} configurations in "
-        f"{len(found.graph.layers)} layers, {found.tries} way(s)."
-    )
-    return SeamPart((*before[0], *places.runs, *after[0]), parts, transit, detail)
+    return whole if transit is None else replace(whole, transits=((0, transit),))
 
 
-def _search(
-    query: Query, search: SeamSearch, tolerances: Tolerances, *, advise: bool
-) -> tuple[SeamJoints, tuple[ToolSegment, ...] | Failure]:
-    """A way along a seam with the joint paths of its runs: of few configurations, or of more."""
-    looks: list[tuple[bool, Density]] = [(False, COARSE), (False, DENSE)]
-    # Places of a seam up to which all of them are searched where a few have no way.
-    if len(search.places.s) <= 600:
-        looks += [(True, COARSE), (True, FINE)]
-    unfound: list[SeamJoints] = []
-    failure: tuple[SeamJoints, Failure] | None = None
-    for every, density in looks:
-        if query.deadline.passed and (unfound or failure):
-            break
-        for places in with_fewer_ranges(search.places, tolerances.position):
-            narrower = replace(search, places=places)
-            found = narrower.run(every, density)
-            if found.joints is None:
-                unfound.append(found)
-                break
-            found, followed = _follow_one(query, narrower, found, tolerances)
-            if not isinstance(followed, Failure):
-                return found, followed
-            failure = failure or (found, followed)
-            if followed.details.get("reason") != "deviation":
-                break
-    if failure is not None:
-        return failure
-    return unfound[-1], explain_search(search, [found.graph for found in unfound], advise=advise)
-
-
-def _follow_one(
-    query: Query, search: SeamSearch, found: SeamJoints, tolerances: Tolerances
-) -> tuple[SeamJoints, tuple[ToolSegment, ...] | Failure]:
-    """Joint paths of the way that was found, or of another where its spline meets something."""
-    # Ways that are tried.
-    for _ in range(6):
-        assert found.joints is not None
-        followed = _follow(query, search, found.joints, tolerances)
-        if not isinstance(followed, Failure) or followed.details["reason"] != "collision":
-            break
-        other = search.around(found, followed.details["fraction"])
-        if other.joints is None:
-            break
-        found = other
-    return found, followed
-
-
-def _follow(
-    query: Query, search: SeamSearch, joints: Array, tolerances: Tolerances
-) -> tuple[ToolSegment, ...] | Failure:
-    """Joint paths of the runs, proved free: of the calmer way, or of the one that was found."""
-    number, stop = 0, None
-    for way in (refine(search, joints), joints):
-        paths = segments(search.checker, search.places, way, tolerances, query.deadline)
-        if paths is None:
-            continue
-        free = [free_part(query.checker, path) for path in paths]
-        stops = [(k, path.stop) for k, path in enumerate(free) if path.stop is not None]
-        if not stops:
-            return tuple(free)
-        number, stop = stops[0]
-    if query.deadline.passed:
-        stop = Stop(0.0 if stop is None else stop.at, "time", "time was up", {})
-    return (
-        explain_bend(search.places) if stop is None else explain_stop(search.places, number, stop)
-    )
-
-
-def _beside(
-    query: Query, offset: StraightOffset | None, q: Array, name: PartName, tolerances: Tolerances
-) -> _Ends | Failure:
+def _lead_beside(
+    query: Query, offset: StraightOffset, q: Array, name: PartName, tolerances: Tolerances
+) -> ToolPath:
     """The straight motion to the start of a seam, or from its end, at q (n,), in its branch."""
-    if offset is None:
-        return (), ()
-    chain, T = query.checker.model.robot.chain, forward(query.checker.model.robot.chain, q)
+    T = forward(query.checker.model.robot.chain, q)
     way = offset.distance * offset.direction / np.linalg.norm(offset.direction)
     way = T[:3, :3] @ way if offset.frame == "tool" else way
-    way = -way if name == "approach" else way
-    motion = line(T, transform(T[:3, :3], T[:3, 3] + way))
-    segment = follow(chain, ToolRun.of(motion), q, tolerances, query.deadline)
-    segment = free_part(query.checker, segment)
-    if segment.stop is not None:
-        return _end_failure(name, segment, segment.stop)
-    if name == "approach":
-        motion, segment = line(motion.T_end, motion.T_start), segment.reverse()
-    return (replace(ToolRun.of(motion), name=name),), (segment,)
-
-
-def _end_failure(name: str, segment: ToolSegment, stop: Stop) -> Failure:
-    details: dict[str, Any] = {"part": name, "reason": stop.reason, "reached": segment.reached}
-    return Failure(
-        "TIMED_OUT" if stop.reason == "time" else "PLANNING_FAILED",
-        f"the {name} can't be carried out beyond {100.0 * segment.reached:.4g} % of it: "
-        f"{stop.message}",
-        f"Give the {name} another direction, or a smaller distance.",
-        NAME,
-        details=details | stop.details,
-    )
+    run = replace(ToolRun.straight(T, -way if name == "approach" else way), name=name)
+    path = lead_tool(query.checker, q, [run], tolerances, query.deadline)
+    return path.reverse() if name == "approach" and path.stop is None else path
 
 
 def _transit(query: Query, start: Array, goal: Array) -> Array | Failure | None:
@@ -223,8 +98,10 @@ def _transit(query: Query, start: Array, goal: Array) -> Array | Failure | None:
     return waypoints
 
 
-def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -> Attempt:
-    """Find a joint path along a seam, from where the arm starts.
+def plan_seam(
+    query: Query, options: CartesianOptions, tolerances: Tolerances
+) -> tuple[ToolPath, tuple[str, ...]] | Failure:
+    """Find a joint path along a seam, from where the arm starts, with notes on it.
 
     Args:
         query: The robot in its scene; goals are not checked.
@@ -243,48 +120,35 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
         notes = (f"The spline through the waypoints leaves the lines by {away:.3g} m at most.",)
     # Parts of a seam at most.
     found = _plan_parts(query, query.ready.start, options, tolerances, 12)
+    if isinstance(found, Failure) and seam.branch_changes is not None:
+        # Parts are searched for without advice; where they do not help it is given after all.
+        one = replace(options, seam=replace(seam, branch_changes=None))
+        again = _plan_in_one_branch(query, query.ready.start, one, tolerances)
+        return again if isinstance(again, Failure) else found
     if isinstance(found, Failure):
-        failure = _with_advice(found, seam)
-        if seam.branch_changes is not None:
-            # Parts are searched for without advice; where they do not help it is given after all.
-            one = replace(options, seam=replace(seam, branch_changes=None))
-            again = plan_in_one_branch(query, query.ready.start, one, tolerances)
-            failure = again if isinstance(again, Failure) else failure
-        return Attempt(None, f"{failure.message}.", failure=failure)
-    motions: list[ToolRun] = []
-    segments: list[ToolSegment] = []
-    transits: list[tuple[int, Array]] = []
-    changes: list[int] = []
-    for first, part in found:
-        if part.transit is not None:
-            transits.append((len(motions), part.transit))
-        if first > 0:
-            changes.append(first)
-        # Waypoints are counted from the first of the whole seam.
-        motions += [replace(run, asked=tuple(k + first for k in run.asked)) for run in part.motions]
-        segments += part.segments
-    path = ToolPath(
-        tuple(motions),
-        tuple(segments),
-        1.0,
-        None,
-        tolerances,
-        tuple(transits),
-        seam.speed_band if seam.speeds else None,
-    )
-    if changes:
-        places = ", ".join(f"waypoints[{k}]" for k in changes)
+        return _with_advice(found)
+    # Waypoints are counted from the first of the whole seam.
+    parts = [
+        replace(
+            part,
+            runs=tuple(replace(r, asked=tuple(k + first for k in r.asked)) for r in part.runs),
+        )
+        for first, part in found
+    ]
+    if len(parts) > 1:
+        places = ", ".join(f"waypoints[{first}]" for first, _ in found[1:])
         change = f"The arm goes on in another branch from {places}, with a retreat before."
         notes = (*notes, change)
-    return Attempt(path.waypoints, found[0][1].detail, notes=notes, tool_path=path)
+    band = seam.speed_band if seam.speeds else None
+    return replace(ToolPath.joined(parts), speed_band=band), notes
 
 
 def _plan_parts(
     query: Query, start: Array, options: CartesianOptions, tolerances: Tolerances, most: int
-) -> list[tuple[int, SeamPart]] | Failure:
+) -> list[tuple[int, ToolPath]] | Failure:
     """Parts of a seam, each with the waypoint that it begins at."""
-    whole = plan_in_one_branch(query, start, options, tolerances)
-    if isinstance(whole, SeamPart):
+    whole = _plan_in_one_branch(query, start, options, tolerances)
+    if isinstance(whole, ToolPath):
         return [(0, whole)]
     seam = options.seam
     assert seam is not None
@@ -299,7 +163,7 @@ def _plan_parts(
         if cut < 1 or query.deadline.passed:
             break
         before = replace(seam, waypoints=seam.waypoints[: cut + 1], retreat=offset)
-        first = plan_in_one_branch(query, start, replace(options, seam=before), tolerances)
+        first = _plan_in_one_branch(query, start, replace(options, seam=before), tolerances)
         if isinstance(first, Failure):
             continue
         after = replace(seam, waypoints=seam.waypoints[cut:], approach=back)
@@ -318,10 +182,10 @@ def _last_reached(details: Mapping[str, Any]) -> int | None:
     return int(reached)
 
 
-def _with_advice(failure: Failure, seam: SeamOptions) -> Failure:
-    """A failure of one branch that tells of branch changes, where they may help."""
+def _with_advice(failure: Failure) -> Failure:
+    """A failure of one branch that names branch changes, where they may help."""
     reached = _last_reached(failure.details)
-    if failure.stage != NAME or reached is None or reached < 1 or seam.branch_changes is not None:
+    if reached is None or reached < 1:
         return failure
     return replace(
         failure,

@@ -164,9 +164,17 @@ class SeamGraph:
         """Numbers of the configurations of a layer."""
         return np.arange(self.nodes.firsts[layer], self.nodes.firsts[layer + 1])
 
-    def way_to(self, node: int) -> list[int]:
-        """The cheapest way to a configuration, from where it begins."""
-        way = [node]
+    def reached(self, layer: int) -> NDArray[np.int64]:
+        """Numbers of those of a layer that ways from the first layer lead to."""
+        mine = self.of_layer(layer)
+        return np.asarray(mine[np.isfinite(self.best[mine]) & (self.origin[mine] == 0)])
+
+    def cheapest(self, layer: int) -> list[int] | None:
+        """The cheapest way from the first layer to another one; None where there is none."""
+        reached = self.reached(layer)
+        if not reached.size:
+            return None
+        way = [int(reached[np.argmin(self.best[reached])])]
         while self.before[way[-1]] >= 0:
             way.append(int(self.before[way[-1]]))
         return way[::-1]
@@ -194,12 +202,10 @@ class SeamJoints(NamedTuple):
     Args:
         joints: Shape (k, n); None where there is no way.
         graph: The layers that were searched.
-        tries: Ways that were checked.
     """
 
     joints: Array | None
     graph: SeamGraph
-    tries: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,7 +246,7 @@ class SeamSearch:
 
     def around(self, found: SeamJoints, share: float) -> SeamJoints:
         """Search for another way than the one found, which is closed at a share of the length."""
-        way = self._cheapest(found.graph)
+        way = found.graph.cheapest(len(found.graph.layers) - 1)
         assert way is not None
         place = int(np.searchsorted(self.places.along, share * self.places.length))
         found.graph.block(way, place)
@@ -251,17 +257,17 @@ class SeamSearch:
         # Ways through the layers that are tried.
         for tries in range(1, 201):
             self.solve(graph)
-            way = self._cheapest(graph)
+            way = graph.cheapest(len(graph.layers) - 1)
             if way is None or self.deadline.passed:
-                return SeamJoints(None, graph, tries)
+                break
             # After so many of them all configurations are checked for collisions at once.
             if tries == 6:
                 self.check_all(graph)
             elif self._is_free(graph, way):
                 joints = self._fill(graph, way)
                 if joints is not None:
-                    return SeamJoints(joints, graph, tries)
-        return SeamJoints(None, graph, tries)
+                    return SeamJoints(joints, graph)
+        return SeamJoints(None, graph)
 
     def prepare(self, layers: NDArray[np.int64], density: Density = COARSE) -> SeamGraph:
         """Layers with their configurations and costs."""
@@ -299,7 +305,7 @@ class SeamSearch:
         """
         joints = nodes(self.chain, self.places, np.array([1]), self.start, density).joints
         first = np.zeros(len(joints), dtype=np.int64)
-        errors = self._project(joints, first, np.array(_narrow(self.chain)))
+        errors = self.project_at(joints, first, np.array(_narrow(self.chain)))
         return np.asarray(joints[errors.max(axis=1, initial=0.0) <= REACHED])
 
     def _with_neighbours(self, layers: NDArray[np.int64], found: Nodes, most: int) -> Nodes:
@@ -307,25 +313,18 @@ class SeamSearch:
 
         At the end of an arm's reach samples miss the few deviations that are left.
         """
-        firsts, chain = found.firsts, self.chain
-        if np.diff(firsts).all():
+        if np.diff(found.firsts).all():
             return found
-        rows = [found.joints[firsts[k] : firsts[k + 1]] for k in range(len(layers))]
-        limits = np.array(_narrow(chain))
+        rows, limits = np.split(found.joints, found.firsts[1:-1]), np.array(_narrow(self.chain))
         for way in (1, -1):
             for k in range(len(rows))[::way]:
                 beside = k - way
                 if len(rows[k]) or not 0 <= beside < len(rows) or not len(rows[beside]):
                     continue
                 moved = rows[beside][:most].copy()
-                errors = self._project(moved, np.full(len(moved), layers[k]), limits)
+                errors = self.project_at(moved, np.full(len(moved), layers[k]), limits)
                 rows[k] = moved[errors.max(axis=1) <= REACHED]
-        counts = [len(row) for row in rows]
-        return Nodes(
-            np.ascontiguousarray(np.concatenate(rows)),
-            np.concatenate([[0], np.cumsum(counts)]),
-            found.outside & (np.array(counts) == 0),
-        )
+        return Nodes.of(rows)
 
     def solve(self, graph: SeamGraph) -> None:
         """Find the cheapest way to each configuration."""
@@ -360,14 +359,6 @@ class SeamSearch:
             if self.deadline.passed:
                 return
             self._check(graph, int(node))
-
-    def _cheapest(self, graph: SeamGraph) -> list[int] | None:
-        last = slice(graph.nodes.firsts[-2], graph.nodes.firsts[-1])
-        complete = np.isfinite(graph.best[last]) & (graph.origin[last] == 0)
-        if not complete.any():
-            return None
-        costs = np.where(complete, graph.best[last], np.inf)
-        return graph.way_to(int(graph.nodes.firsts[-2] + np.argmin(costs)))
 
     def _is_free(self, graph: SeamGraph, way: Sequence[int]) -> bool:
         """Whether no configuration of a way collides; those that do are taken out."""
@@ -424,9 +415,10 @@ class SeamSearch:
             room = np.where(np.isfinite(half), away_from_limits * half, 0.0)
             lower = np.maximum(lower, np.minimum(lower + room, joints.min(axis=0)))
             upper = np.minimum(upper, np.maximum(upper - room, joints.max(axis=0)))
-        return self._project(joints, np.arange(len(joints)), np.array([lower, upper]))
+        return self.project_at(joints, np.arange(len(joints)), np.array([lower, upper]))
 
-    def _project(self, joints: Array, places: NDArray[np.int64], limits: Array) -> Array:
+    def project_at(self, joints: Array, places: NDArray[np.int64], limits: Array) -> Array:
+        """Move configurations (k, n) into the tolerances at places (k,), within limits (2, n)."""
         nominal, boxes = self.places.nominal[places], self.places.boxes[places]
         return project(self.chain, nominal, boxes, limits, joints)
 

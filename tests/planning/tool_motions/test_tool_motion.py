@@ -366,7 +366,7 @@ ROBOT = builtin("panda")
 CHAIN = ROBOT.chain
 T = forward(CHAIN, HOME)
 TOLERANCES = Tolerances(1e-4, 1e-3)
-HERE = Stop(0.5, "collision", "something is in the way", {})
+HERE = Stop("collision", "something is in the way", {})
 
 
 def bent() -> ToolSegment:
@@ -394,6 +394,16 @@ def test_a_segment_that_is_cut_follows_the_same_curve_up_to_there(at: float) -> 
     assert (part.path.lengths > 0.0).all()
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_segment_of_many_pieces_is_cut_however_their_lengths_round(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    path = JointPath(random.normal(size=(40, 1, 4)), random.uniform(0.01, 0.03, 40))
+    whole = ToolSegment(path, path.sample(0.0)[0], path.sample(path.length)[0], path.length, None)
+    part = whole.cut(float(random.uniform(0.1, 0.9)) * path.length, HERE)
+    assert part.path is not None
+    np.testing.assert_allclose(part.end, path.sample(part.reached)[0], atol=1e-12)
+
+
 def corner(stay: bool = False) -> ToolPath:
     """Two lines, a motion on the spot before them if asked for."""
     places = [T[:3, 3], T[:3, 3] + [0.0, 0.1, 0.0], T[:3, 3] + [0.0, 0.1, -0.1]]
@@ -403,7 +413,7 @@ def corner(stay: bool = False) -> ToolPath:
         motions.insert(0, line(poses[0], poses[0]))
     checker = Checker.of(ROBOT, Scene())
     runs = [ToolRun.of(motion, k) for k, motion in enumerate(motions)]
-    return lead_tool(CHAIN, checker, HOME, runs, TOLERANCES, Deadline.after(60.0))
+    return lead_tool(checker, HOME, runs, TOLERANCES, Deadline.after(60.0))
 
 
 def parametrization(method: str) -> TimeParametrization:
@@ -456,9 +466,7 @@ def test_a_motion_on_the_spot_takes_no_time() -> None:
 
 def test_where_nothing_moves_the_robot_stays() -> None:
     checker = Checker.of(ROBOT, Scene())
-    still = lead_tool(
-        CHAIN, checker, HOME, [ToolRun.of(line(T, T))], TOLERANCES, Deadline.after(60.0)
-    )
+    still = lead_tool(checker, HOME, [ToolRun.of(line(T, T))], TOLERANCES, Deadline.after(60.0))
     timed = time_tool_path(CHAIN, still, parametrization("toppra"))
     assert timed.parts == ()
     motion = timed.trajectory(CHAIN)
