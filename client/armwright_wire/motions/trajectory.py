@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Field, model_validator
 from armwright_wire.base import (
     AS_LIST,
     MAX_JOINTS,
+    MAX_NUMBER,
     Answer,
     Body,
     JointVector,
@@ -24,8 +25,10 @@ from armwright_wire.errors import InvalidArgument
 
 MAX_SAMPLES = 100_000
 
-#: Quintics are the highest that any timing here makes; other people's may be higher.
+#: Degree 9 is the highest that any timing here makes; other people's may be higher.
 MAX_COEFFICIENTS = 16
+#: Short pieces have large coefficients of high powers, of which little is left within them.
+MAX_COEFFICIENT = 1e60
 
 
 #: Times may miss the ends by so much of the duration, which is how sums of steps round.
@@ -39,7 +42,10 @@ _NANOSECONDS = 1_000_000_000
 
 Rows = Annotated[Sequence[JointVector], AS_LIST, Field(min_length=1, max_length=MAX_SAMPLES)]
 JointRow = Annotated[Sequence[Number], AS_LIST, Field(max_length=MAX_JOINTS)]
-_Polynomial = Annotated[Sequence[Number], AS_LIST, Field(min_length=1, max_length=MAX_COEFFICIENTS)]
+_Coefficient = Annotated[float, Field(ge=-MAX_COEFFICIENT, le=MAX_COEFFICIENT)]
+_Polynomial = Annotated[
+    Sequence[_Coefficient], AS_LIST, Field(min_length=1, max_length=MAX_COEFFICIENTS)
+]
 Coefficients = Annotated[Sequence[_Polynomial], AS_LIST, Field(min_length=1, max_length=MAX_JOINTS)]
 
 
@@ -178,12 +184,20 @@ class Segment(Body, Piece):
     t1: Number
     """when the piece ends [s]"""
     coefficients: Coefficients
-    """[joint][power of t − t0]"""
+    """[joint][power of t − t0]; beyond 1e12 only where that power of t1 − t0 brings it below"""
 
     @model_validator(mode="after")
     def _check_times(self) -> "Segment":
         if self.t1 <= self.t0:
             raise ValueError(f"t1 ({self.t1:g}) must be after t0 ({self.t0:g})")
+        for row in self.coefficients:
+            for power, value in enumerate(row):
+                far = abs(value) > MAX_NUMBER
+                if far and abs(value) * min(1.0, self.t1 - self.t0) ** power > MAX_NUMBER:
+                    raise ValueError(
+                        f"coefficients: {value:g} of power {power} is beyond {MAX_NUMBER:g} within "
+                        "the piece"
+                    )
         return self
 
 

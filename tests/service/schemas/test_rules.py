@@ -172,6 +172,13 @@ RULES: dict[str, Rule] = {
         (BRIEF | {"planner_options": {"deep": [{"er": math.inf}]}}, "finite"),
         (BRIEF | {"timing": {"method": "magic"}}, "toppra"),
     ]),
+    "large coefficients belong to short pieces": (
+        Segment,
+        [{"t0": 0.0, "t1": 1e-7, "coefficients": [[0.0] * 9 + [1.6e22]]}],
+        [({"t0": 0.0, "t1": 0.1, "coefficients": [[0.0] * 9 + [1.6e22]]}, "of power 9 is beyond"),
+         ({"t0": 0.0, "t1": 3.0, "coefficients": [[2e12]]}, "of power 0 is beyond"),
+         ({"t0": 0.0, "t1": 1e-9, "coefficients": [[0.0] * 15 + [1e61]]}, "less than or")],
+    ),
     "a segment takes time": (Segment, [SEGMENT | {"t1": 1.0 + 1e-12}], [
         (SEGMENT, r"t1 \(1\) must be after t0 \(1\)"),
         (SEGMENT | {"t1": 0.5}, "must be after"),
