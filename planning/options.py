@@ -131,11 +131,12 @@ class Options:
             alike on every machine, and why it failed is not looked into; None for no such bound.
         stops: Stops that the motion is to have from every instant: it is slowed down until they are
             proved, or refused.
-        path_tolerance: How far any joint of the motion may be from the path that is found, at every
-            place [rad or m]; None for wherever it is free.
+        path_tolerance: How far any joint of the motion may be from the plan's path, at every place
+            [rad or m]; None for wherever it is free. Motions that leave the path that is found have
+            few of their own waypoints for a path.
 
     Raises:
-        InvalidOption: The timeout is not in (0, 600].
+        InvalidOption: The timeout is not in (0, 600], or a value is none of its option.
     """
 
     planner: str = "auto"
@@ -164,6 +165,10 @@ class Options:
             raise InvalidOption(
                 "timing.times of a plan belongs to the method spline",
                 hint="Leave times out, or time a path of your own by POST /v1/retime.",
+            )
+        if self.path_tolerance is not None and not 0.0 < self.path_tolerance < np.inf:
+            raise InvalidOption(
+                f"path.tolerance is {self.path_tolerance}", hint="Give a positive number."
             )
         if not 0.0 < self.timeout <= MAX_TIMEOUT:
             raise InvalidOption(f"timeout must be in (0, {MAX_TIMEOUT:g}] seconds")

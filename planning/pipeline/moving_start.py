@@ -19,8 +19,9 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory, concatenate
 from planning.options import Options
 from planning.problem import JointGoal, Problem
-from planning.proof.certificate import Certificate, certify
+from planning.proof.certificate import Certificate, certify, with_path
 from planning.result import Failure, Path, Plan
+from planning.retiming.simplify import motion_waypoints
 from planning.stops.braking import BrakingLimits
 from planning.stops.certificate import StopCertificate, Surroundings, certify_stops, stop_motion
 from planning.stops.stop_family import braking_motion, state_at
@@ -30,6 +31,8 @@ from planning.values.optimize_options import OPTIMIZE
 
 #: Name of the stage whose motion the stop is.
 STOP = "stop"
+#: Note on motions that leave the path that a planner found.
+OWN_PATH = "the motion leaves the path that was found: path.joints has few of its own waypoints"
 
 
 def brakes_first(problem: Problem, options: Options) -> bool:
@@ -85,6 +88,10 @@ def plan_braking(
         limits=limits,
         constraints=problem.constraints,
     )
+    path, within, notes = planned.path, options.path_tolerance, planned.notes
+    if within is not None:
+        path = Path(np.concatenate([motion_waypoints(braking, within), path.waypoints]))
+        proof, notes = with_path(proof, motion, path.waypoints, within), (*notes, OWN_PATH)
     if proof.violation is not None:
         return Failure(
             "INVALID_MOTION_PLAN",
@@ -103,7 +110,7 @@ def plan_braking(
             return Failure("INVALID_MOTION_PLAN", stops.message, hint, "stops")
     note = f"the arm moves at the start: it brakes to rest within {braking.duration:.3g} s first"
     return replace(
-        planned, trajectory=motion, certificate=proof, stops=stops, notes=(*planned.notes, note)
+        planned, path=path, trajectory=motion, certificate=proof, stops=stops, notes=(*notes, note)
     )
 
 
@@ -168,8 +175,11 @@ class Splice:
             f"no new motion was proved ({reason}): this is the stop of the motion that the arm "
             f"runs, from {self.at:.6g} s on"
         )
-        path = Path(np.stack([stop.trajectory.start, stop.trajectory.end]))
-        return Plan(STOP, answer.stages, path, stop.trajectory, stop.certificate, (note,))
+        path, proof = np.stack([stop.trajectory.start, stop.trajectory.end]), stop.certificate
+        if options.path_tolerance is not None:
+            path = motion_waypoints(stop.trajectory, options.path_tolerance)
+            proof = with_path(proof, stop.trajectory, path, options.path_tolerance)
+        return Plan(STOP, answer.stages, Path(path), stop.trajectory, proof, (note,))
 
 
 #: Times as long as it was that a motion is made at most.

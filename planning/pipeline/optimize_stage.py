@@ -67,6 +67,12 @@ def refinement_options(options: Options, problem: Problem) -> Options:
             "a motion led along lines and arcs can't be optimised: it would leave them",
             hint="Leave refine out, or name another planner.",
         )
+    if options.path_tolerance is not None and options.planner_options.get("keep_path"):
+        raise InvalidOption(
+            "keep_path and path.tolerance hold the motion to the descent's own path, which refine "
+            "leaves",
+            hint="Leave refine out, or keep_path.",
+        )
     if options.timing.times is not None:
         raise InvalidOption(
             "a motion whose times are given can't be optimised",

@@ -28,6 +28,7 @@ from planning.goal_choice.goal_order import (
 )
 from planning.options import Options, with_limits
 from planning.pipeline.moving_start import (
+    OWN_PATH,
     Stoppable,
     brakes_first,
     plan_braking,
@@ -58,6 +59,7 @@ from planning.proof.path_nearness import CHORD_SHARE
 from planning.result import Failure, Path, Plan, Stages
 from planning.retiming.retime import near_path
 from planning.retiming.retimed import PathToTime
+from planning.retiming.simplify import motion_waypoints
 from planning.stops.certificate import StopCertificate
 from planning.timing.choice import chosen_parametrization
 from planning.timing.method import TimingMethod
@@ -96,8 +98,6 @@ def plan(
     """
     timeout = options.timeout
     deadline = Deadline.after(timeout) if within is None else within.at_most(timeout)
-    if options.path_tolerance is not None:
-        _check_path_tolerance(problem, options)
     if problem.moving and brakes_first(problem, options):
         limits = proved_limits(problem, options)
         return plan_braking(
@@ -155,15 +155,6 @@ def _measured_rates(
     if not notes:
         return problem, ()
     return replace(problem, start_velocity=velocity, start_acceleration=acceleration), notes
-
-
-def _check_path_tolerance(problem: Problem, options: Options) -> None:
-    if options.planner in ("cartesian", OPTIMIZE) or options.refine or problem.moving:
-        raise InvalidOption(
-            "path.tolerance belongs to a path of joints from rest to rest that a planner finds; "
-            "cartesian leads the tool, optimize and refine leave the path",
-            hint="Leave path out, or what does not go with it.",
-        )
 
 
 def _time_parametrization(problem: Problem, options: Options) -> TimeParametrization:
@@ -392,7 +383,7 @@ class _Pipeline:
             places = [place for place, _ in tool_path.transits]
             free = {k: time().trajectory for k, time in zip(places, transits, strict=True)}
             timed = time_tool_path(chain, tool_path, self.parametrization, free, near=near)
-            return _Timed(timed.trajectory(chain), timed, timed.notes)
+            return self._with_own_path(_Timed(timed.trajectory(chain), timed, timed.notes))
 
         if not tool_path.transits:
             # Near a path means off it: constraints that the path just holds are left to the path.
@@ -413,6 +404,14 @@ class _Pipeline:
             if not any(safer):
                 return
             chosen = [new or old for new, old in zip(safer, chosen, strict=True)]
+
+    def _with_own_path(self, timed: _Timed) -> _Timed:
+        """A motion that leaves the path found, with waypoints of its own where it is to be near."""
+        within = self.options.path_tolerance
+        if within is None:
+            return timed
+        path = motion_waypoints(timed.trajectory, within), within
+        return timed._replace(path=path, notes=(*timed.notes, OWN_PATH))
 
     def _prove(self, timed: _Timed) -> Certificate:
         return self.stages.run("certificate", partial(self._certify, timed), _describe_certificate)
@@ -470,7 +469,7 @@ class _Pipeline:
                 break
             timing, offered = self.options.timing, ScaledTime(offer.trajectory, 1.0)
             lasting = with_duration(offered, timing.duration, timing.at_least)
-            timed = _Timed(lasting.trajectory)
+            timed = self._with_own_path(_Timed(lasting.trajectory))
             certificate = self._prove(timed)
             if certificate.verified:
                 return _Proved(timed, certificate, offer.waypoints)
@@ -497,10 +496,13 @@ class _Pipeline:
             self.deadline.interruptions.occurred = True
             notes += ("There was no time to look where the motion is nearer than preferred.",)
         timing = timing_report(self.parametrization, timed.solver)
+        waypoints = found.waypoints if proved.waypoints is None else proved.waypoints
+        if timed.path is not None:
+            waypoints = timed.path[0]
         return Plan(
             planner=OPTIMIZE if optimised else found.planner,
             stages=tuple(self.stages.reports),
-            path=Path(found.waypoints if proved.waypoints is None else proved.waypoints),
+            path=Path(waypoints),
             trajectory=timed.trajectory,
             certificate=certificate,
             notes=notes,

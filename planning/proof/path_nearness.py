@@ -77,20 +77,14 @@ def _bound(
     motion: Trajectory, line: Array, tolerance: float
 ) -> tuple[float | None, Violation | None]:
     """The bound of the distance, or where the motion leaves the path."""
-    lengths, orders = np.diff(motion.breaks), np.arange(2, motion.degree + 1)
-    powers = lengths[:, None] ** (orders - 2) * orders * (orders - 1)
-    bend = np.einsum("mnk,mk->mn", np.abs(motion.coefficients[:, :, 2:]), powers).max(axis=1)
     details = {"tolerance": tolerance}
     for share in _SHARES:
         chord = share * tolerance
-        parts = np.maximum(np.ceil(lengths * np.sqrt(bend / (8.0 * chord))), 1.0)
+        parts = chord_counts(motion, chord)
         if not parts.sum() <= _MOST_PARTS:
             message = f"the motion was not compared with the path: {tolerance:g} is too fine for it"
             return None, Violation("unproved", 0.0, message, details)
-        counts = parts.astype(np.int64)
-        places = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        starts = np.repeat(motion.breaks[:-1], counts)
-        times = np.append(starts + places * np.repeat(lengths / counts, counts), motion.breaks[-1])
+        times = times_of_parts(motion, parts)
         chords = motion.sample(times)
         near = near_parts_kernel(chords, line, tolerance - chord)
         if near < 0:
@@ -101,6 +95,23 @@ def _bound(
     time = float(times[near])
     message = f"the motion is farther than {tolerance:g} from the path, from {time:.4f} s on"
     return None, Violation("path_deviation", time, message, details)
+
+
+def chord_counts(motion: Trajectory, within: float) -> Array:
+    """Numbers of equal parts of each piece whose chords are within a distance of it, (m,)."""
+    lengths, orders = np.diff(motion.breaks), np.arange(2, motion.degree + 1)
+    powers = lengths[:, None] ** (orders - 2) * orders * (orders - 1)
+    bend = np.einsum("mnk,mk->mn", np.abs(motion.coefficients[:, :, 2:]), powers).max(axis=1)
+    return np.asarray(np.maximum(np.ceil(lengths * np.sqrt(bend / (8.0 * within))), 1.0))
+
+
+def times_of_parts(motion: Trajectory, parts: Array) -> Array:
+    """Times at which the parts of a motion begin, and its end, shape (sum of parts + 1,) [s]."""
+    counts = parts.astype(np.int64)
+    places = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    lengths = np.repeat(np.diff(motion.breaks) / counts, counts)
+    starts = np.repeat(motion.breaks[:-1], counts)
+    return np.append(starts + places * lengths, motion.breaks[-1])
 
 
 def _sharp_bound(chords: Array, line: Array, within: float) -> float:

@@ -14,6 +14,7 @@ from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry, link_arms
 from obstacles.scenes.scene import Scene
 from planning.proof.certificate import Certificate, certify
+from planning.proof.path_nearness import chord_counts, times_of_parts
 from planning.timing.path.blend import checked_waypoints
 from planning.timing.path.simplification import fewest_waypoints
 from planning.timing.spline.spline import smooth_motion
@@ -86,6 +87,28 @@ class SimplifiedPath:
     certificate: Certificate | None = None
     notes: tuple[str, ...] = ()
     tool_use: float | None = None
+
+
+def motion_waypoints(motion: Trajectory, tolerance: float) -> Array:
+    """Few waypoints of a motion from whose straight lines it is within a tolerance, shape (k, n).
+
+    Args:
+        motion: The motion.
+        tolerance: Largest distance of any joint at every instant [rad or m].
+
+    Raises:
+        InvalidOption: The tolerance is too fine for the motion.
+    """
+    # Shares of the tolerance; the proof, which cuts the motion anew, has use for the rest.
+    parts, most = chord_counts(motion, tolerance / 64.0), 100_000
+    if not parts.sum() <= most:
+        least = tolerance * (parts.sum() / most) ** 2
+        raise InvalidOption(
+            f"path.tolerance is {tolerance:g}, too fine for a path that stands for the motion",
+            hint=f"Give at least {least:.1g}, or leave path out.",
+        )
+    states = motion.sample(times_of_parts(motion, parts))
+    return states[fewest_waypoints(states, 0.9 * tolerance)[0]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

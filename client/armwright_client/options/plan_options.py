@@ -118,7 +118,7 @@ class PlanOptions(PlanningOptions, total=False):
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
         start_state_tolerance: A start or goal so little outside a limit is moved onto it
             [rad or m]; if left out a start by 0.01 % of the limit, a goal by 1e-6.
-        path: Tolerance within which the motion keeps near the path that is found.
+        path: Tolerance within which the motion keeps near the path of the answer.
         stops: Stops that the motion is proved to have from every instant; it is slowed down for it.
         witness: Whether the certificate has a witness, from which anybody can check it.
     """

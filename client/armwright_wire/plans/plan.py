@@ -178,8 +178,9 @@ class PlanRequest(WithTool, WithFingers, Keepable):
     """
     timing: Timing = Field(default_factory=Timing)
     path: PathTolerance | None = None
-    """keep the motion near the path that is found, proved; for keep_path of a potential field that
-    is the descent's own
+    """keep the motion near path.joints of the answer, proved: the path that is found, for keep_path
+    of a potential field the descent's own; where refine, cartesian or braking leave that, few
+    waypoints of the motion
     """
     limits: LimitsBody | None = None
     stops: Stops = "none"
