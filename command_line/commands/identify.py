@@ -8,7 +8,7 @@ import typer
 
 from command_line import values
 from command_line.backends.endpoints import CALIBRATE, EXCITE, FIT, IDENTIFY
-from command_line.commands.motions import ask, robot_model, show_certificate
+from command_line.commands.motions import Timed, ask, robot_model, show_certificate
 from command_line.output import print_line, print_notes, print_table
 from command_line.parameters import (
     Cell,
@@ -19,6 +19,7 @@ from command_line.parameters import (
     RobotSource,
     command,
 )
+from command_line.problems import invalid_value
 from command_line.robot_files import described, read_json
 
 Link = Annotated[str | None, typer.Option(help="The link that is meant; the tip if left out.")]
@@ -44,6 +45,15 @@ class Measurements(NamedTuple):
         str | None, typer.Option(help="frame, tip or both: where those stand is sought too.")
     ] = None
     link: Link = None
+
+
+class Kept(NamedTuple):
+    """Parts of a recorded motion that are not kept."""
+
+    rest: Annotated[bool, typer.Option(help="Begin and end without velocity.")] = False
+    retime: Annotated[
+        bool, typer.Option(help="Keep the geometry alone, timed anew by --method and --scaling.")
+    ] = False
 
 
 @command
@@ -156,23 +166,28 @@ def fit(
     record: Annotated[
         Path, typer.Argument(help="Recorded motion: CSV, JSON, YAML, MCAP or rosbag.")
     ],
-    tolerance: Annotated[float, typer.Option(help="How far any joint may be off [rad or m].")],
     request: Request,
     mounted: Mounted,
     recorded: Recorded,
-    rest: Annotated[bool, typer.Option(help="Begin and end without velocity.")] = False,
+    timed: Timed,
+    kept: Kept,
 ) -> None:
-    """Fit few polynomials to a recorded motion, and prove them."""
+    """Fit few polynomials to a recorded motion or its geometry, and prove them."""
+    if timed.tolerance is None:
+        raise invalid_value("--tolerance", "none is given", "Give 0.001, for a milliradian.")
+    if not kept.retime and timed != Timed(tolerance=timed.tolerance):
+        raise invalid_value("--method", "with --scaling it times a record anew", "Give --retime.")
     found = values.recording(record, robot_model(connection, robot), recorded)
     samples = {"time": found.times, "position": found.positions}
     body: dict[str, Any] = values.mounted(mounted) | {
         "samples": samples,
-        "tolerance": tolerance,
-        "rest": rest,
+        "tolerance": timed.tolerance,
+        "rest": kept.rest,
+        "retime": timed.timing if kept.retime else None,
     }
     answer = json.loads(ask(connection, FIT, robot, request, body))
     trajectory = answer["trajectory"]
     print_line(f"{len(trajectory['segments'])} polynomials of {trajectory['duration']:.4f} s")
     print_line(f"at most {answer['deviation']:.3g} rad or m from the record at every instant")
     show_certificate(answer["certificate"])
-    print_notes(found.notes)
+    print_notes([*found.notes, *answer["notes"]])

@@ -104,6 +104,16 @@ def robot_model(connection: Connection, robot: RobotSource) -> Mapping[str, Any]
         return backend.robot_model(backend.robot_name(robot))
 
 
+class Way(NamedTuple):
+    """Planner of a motion, and what holds along it."""
+
+    planner: Annotated[str, typer.Option(help="As the API names them.")] = "auto"
+    stops: Stops = None
+    path_tolerance: Annotated[
+        float | None, typer.Option(help="How far any joint may be off the plan's path [rad or m].")
+    ] = None
+
+
 @command
 def plan(
     connection: Connection,
@@ -114,15 +124,15 @@ def plan(
     ],
     request: Request,
     cell: Cell,
-    planner: Annotated[str, typer.Option(help="As the API names them.")] = "auto",
-    stops: Stops = None,
+    way: Way,
 ) -> None:
     """Plan a timed motion that is proved free of collision and inside all limits."""
     body = values.cell(cell) | {
         "start": values.goal("--start", start),
         "goal": values.goal("--goal", goal),
-        "planner": planner,
-        "stops": stops,
+        "planner": way.planner,
+        "stops": way.stops,
+        "path": None if way.path_tolerance is None else {"tolerance": way.path_tolerance},
     }
     answer = json.loads(ask(connection, PLAN, robot, request, body))
     print_table(
@@ -132,6 +142,9 @@ def plan(
     )
     print_line(f"duration {answer['trajectory']['duration']:.4f} s")
     show_certificate(answer["certificate"])
+    if way.path_tolerance is not None:
+        near, count = answer["certificate"]["path"]["deviation"], len(answer["path"]["joints"])
+        print_line(f"at most {near:.3g} rad or m from the path of {count} points at every instant")
     print_notes(answer["notes"])
 
 
@@ -246,6 +259,11 @@ class Timed(NamedTuple):
         float | None, typer.Option(help="How far any joint may be off the path [rad or m].")
     ] = None
 
+    @property
+    def timing(self) -> dict[str, Any]:
+        """Options of timing, as the API names them."""
+        return {"method": self.method, "velocity_scaling": self.scaling}
+
 
 @command
 def retime(
@@ -273,8 +291,7 @@ def retime(
         waypoints, notes = {"joints": found.positions}, found.notes
     if timed.tolerance is not None:
         waypoints = waypoints | {"tolerance": timed.tolerance}
-    timing = {"method": timed.method, "velocity_scaling": timed.scaling}
-    body = values.mounted(mounted) | {"path": waypoints, "timing": timing, "stops": stops}
+    body = values.mounted(mounted) | {"path": waypoints, "timing": timed.timing, "stops": stops}
     answer = json.loads(ask(connection, RETIME, robot, request, body))
     print_line(f"duration {answer['trajectory']['duration']:.4f} s")
     show_certificate(answer["certificate"])

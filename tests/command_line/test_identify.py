@@ -71,6 +71,18 @@ def test_a_recorded_motion_becomes_few_polynomials(run: Run, tmp_path: Path) -> 
     assert len(run(*words, "--json").json["trajectory"]["segments"]) < 400
     again = run("convert", str(file), "--format", "joint_trajectory")
     assert again.code == 0, again.err
+    slow, fast = (
+        run(*words, "--retime", "--scaling", scaling, "--json").json for scaling in ("0.2", "1.0")
+    )
+    assert slow["certificate"]["verified"]
+    assert slow["timing"]["method"] == "jerk_limited"
+    assert slow["deviation"] <= 0.002
+    assert 1.3 * fast["trajectory"]["duration"] < slow["trajectory"]["duration"]
+    assert fast["trajectory"]["duration"] < 19.9
+    assert "waypoint(s) are left out" in run(*words, "--retime").out
+    refused = run(*words, "--method", "toppra")
+    assert refused.code != 0
+    assert "Give --retime" in refused.err
 
 
 def test_a_rosbag_is_read_by_all_commands_that_take_recordings(run: Run, tmp_path: Path) -> None:

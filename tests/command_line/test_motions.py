@@ -67,6 +67,11 @@ def test_a_plan_is_proved_timed_followed_and_converted(run: Run, scene: str, pla
         < run("retime", "panda", str(plan), "--json").json["trajectory"]["duration"]
     )
 
+    ends = ("plan", "panda", "--start", "home", "--goal", GOAL, "--scene", scene)
+    near = run(*ends, "--path-tolerance", "0.01")
+    assert near.code == 0, near.err
+    assert "from the path of" in near.out
+
     tracked = run("simulate", "panda", str(plan), "--json").json
     assert tracked["outcome"] == "completed"
     assert tracked["max_tracking_error"] < 1e-3
