@@ -36,32 +36,26 @@ from armwright_client.options.plan_options import (
 from armwright_client.robot_endpoints import page
 from armwright_wire.base import RowsLike, VectorLike
 from armwright_wire.goals.goal import GoalLike, Start, as_goal
-from armwright_wire.motions.certificate import CertificateAnswer as Certificate
-from armwright_wire.motions.export import ExportAnswer as Export
-from armwright_wire.motions.export import ExportRequest, KeptMotion
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.motions.export import ExportAnswer, ExportRequest, KeptMotion
 from armwright_wire.motions.export import Format as ExportFormat
-from armwright_wire.motions.retime import FitAnswer as Fitted
 from armwright_wire.motions.retime import (
+    FitAnswer,
     FitRequest,
+    JointStateBody,
     LimitsAt,
     PathBody,
+    RetimeAnswer,
     RetimePath,
     RetimeRequest,
     RetimeTiming,
+    SimplifyAnswer,
     SimplifyRequest,
     TipTolerance,
 )
-from armwright_wire.motions.retime import JointStateBody as JointState
-from armwright_wire.motions.retime import RetimeAnswer as Retimed
-from armwright_wire.motions.retime import SimplifyAnswer as Simplified
-from armwright_wire.motions.simulation import SimulateAnswer as Simulation
-from armwright_wire.motions.simulation import SimulateRequest
-from armwright_wire.motions.trajectory import LimitsBody as LimitValues
-from armwright_wire.motions.trajectory import Samples
-from armwright_wire.motions.trajectory import TrajectoryAnswer as TimedTrajectory
-from armwright_wire.motions.trajectory import TrajectoryBody as Trajectory
-from armwright_wire.plans.batch import BatchAnswer, BatchRequest, as_part
-from armwright_wire.plans.batch import PartialPlan as BatchProblem
+from armwright_wire.motions.simulation import SimulateAnswer, SimulateRequest
+from armwright_wire.motions.trajectory import LimitsBody, Samples, TrajectoryAnswer, TrajectoryBody
+from armwright_wire.plans.batch import BatchAnswer, BatchRequest, PartialPlan, as_part
 from armwright_wire.plans.guard import GuardAnswer, GuardRequest, GuardState, Proposal
 from armwright_wire.plans.kept_plan import (
     Bundle,
@@ -70,21 +64,15 @@ from armwright_wire.plans.kept_plan import (
     PlanList,
     ReplayAnswer,
     ReplayRequest,
+    StopAnswer,
     StopRequest,
 )
-from armwright_wire.plans.kept_plan import StopAnswer as Stop
-from armwright_wire.plans.plan import PlanAnswer as Plan
-from armwright_wire.plans.plan import PlanRequest, ValidateRequest
-from armwright_wire.plans.stages import StageUnion as TaskStage
-from armwright_wire.plans.task import TaskAnswer as TaskPlan
-from armwright_wire.plans.task import TaskRequest
-from armwright_wire.plans.tour import TourAnswer as Tour
-from armwright_wire.plans.tour import TourGoal, TourRequest, as_tour_goal
-from armwright_wire.pose import ConvertPoseAnswer as ConvertedPose
-from armwright_wire.pose import ConvertPoseRequest, PoseForm
-from armwright_wire.pose import Motion as PoseMotion
-from armwright_wire.robots.lyapunov import LyapunovAnswer as Lyapunov
-from armwright_wire.robots.lyapunov import LyapunovRequest
+from armwright_wire.plans.plan import PlanAnswer, PlanRequest, ValidateRequest
+from armwright_wire.plans.stages import StageUnion
+from armwright_wire.plans.task import TaskAnswer, TaskRequest
+from armwright_wire.plans.tour import TourAnswer, TourGoal, TourRequest, as_tour_goal
+from armwright_wire.pose import ConvertPoseAnswer, ConvertPoseRequest, Motion, PoseForm
+from armwright_wire.robots.lyapunov import LyapunovAnswer, LyapunovRequest
 from armwright_wire.scenes.check import CheckRequest
 from armwright_wire.scenes.scene import (
     Engine,
@@ -255,10 +243,10 @@ class PlanEndpoints:
         *,
         kind: Literal["path", "joints"] = "path",
         timeout: float | None = None,
-    ) -> Call[Stop]:
+    ) -> Call[StopAnswer]:
         """The stop of a kept motion from an instant on [s], with its certificate."""
         body = StopRequest.of(at=at, kind=kind, timeout=timeout)
-        return Call("POST", path("plans", plan, "stop"), Stop.read, body, deadline=timeout)
+        return Call("POST", path("plans", plan, "stop"), StopAnswer.read, body, deadline=timeout)
 
     @Endpoint
     def witness(self, plan: str, *, part: int = 0) -> Call[bytes]:
@@ -315,16 +303,16 @@ class ServiceEndpoints:
         start: VectorLike | Start,
         goal: GoalLike,
         **options: Unpack[PlanOptions],
-    ) -> Call[Plan]:
+    ) -> Call[PlanAnswer]:
         """A certified motion from a configuration to a goal; see `PlanOptions`."""
         begin = start if isinstance(start, Start) else Start.of(joints=start)
         body = PlanRequest.of(robot=robot, start=begin, goal=as_goal(goal), **options)
-        return Call("POST", path("plan"), Plan.read, body, deadline=body.timeout)
+        return Call("POST", path("plan"), PlanAnswer.read, body, deadline=body.timeout)
 
     @JobEndpoint
     def plan_batch(
         self,
-        problems: Sequence[PlanRequest | BatchProblem],
+        problems: Sequence[PlanRequest | PartialPlan],
         *,
         robot: str | None = None,
         start: VectorLike | None = None,
@@ -343,33 +331,33 @@ class ServiceEndpoints:
         self,
         robot: str,
         start: VectorLike | Start,
-        stages: Sequence[TaskStage],
+        stages: Sequence[StageUnion],
         **options: Unpack[TaskOptions],
-    ) -> Call[TaskPlan]:
+    ) -> Call[TaskAnswer]:
         """The motions of all stages of a task, each certified; see `TaskOptions`."""
         begin = start if isinstance(start, Start) else Start.of(joints=start)
         body = TaskRequest.of(robot=robot, start=begin, stages=[*stages], **options)
-        return Call("POST", path("tasks"), TaskPlan.read, body, deadline=body.timeout)
+        return Call("POST", path("tasks"), TaskAnswer.read, body, deadline=body.timeout)
 
     @Endpoint
     def plan_tour(
         self, robot: str, goals: Sequence[TourGoal | GoalLike], **options: Unpack[TourOptions]
-    ) -> Call[Tour]:
+    ) -> Call[TourAnswer]:
         """Many goals in the order that takes the least time, legs certified; see `TourOptions`."""
         stops = [g if isinstance(g, TourGoal) else as_tour_goal(g) for g in goals]
         body = TourRequest.of(robot=robot, goals=stops, **options)
-        return Call("POST", path("tours"), Tour.read, body, deadline=body.timeout)
+        return Call("POST", path("tours"), TourAnswer.read, body, deadline=body.timeout)
 
     @Endpoint
     def validate(
         self,
         robot: str,
-        trajectory: Trajectory | TimedTrajectory,
+        trajectory: TrajectoryBody | TrajectoryAnswer,
         **options: Unpack[ValidateOptions],
-    ) -> Call[Certificate]:
+    ) -> Call[CertificateAnswer]:
         """The proof that a motion is valid, or its first violation; see `ValidateOptions`."""
         body = ValidateRequest.of(robot=robot, trajectory=trajectory, **options)
-        return Call("POST", path("validate"), Certificate.read, body, deadline=body.timeout)
+        return Call("POST", path("validate"), CertificateAnswer.read, body, deadline=body.timeout)
 
     @Endpoint
     def guard(
@@ -392,13 +380,13 @@ class ServiceEndpoints:
     def export(
         self,
         robot: str,
-        trajectory: Trajectory | TimedTrajectory,
+        trajectory: TrajectoryBody | TrajectoryAnswer,
         file_format: ExportFormat,
         **options: Unpack[ExportOptions],
-    ) -> Call[Export]:
+    ) -> Call[ExportAnswer]:
         """A motion as a file for a controller, proved as the controller interpolates it."""
         body = ExportRequest.of(robot=robot, trajectory=trajectory, format=file_format, **options)
-        return Call("POST", path("export"), Export.read, body, deadline=body.timeout)
+        return Call("POST", path("export"), ExportAnswer.read, body, deadline=body.timeout)
 
     @Endpoint
     def export_plan(
@@ -406,25 +394,25 @@ class ServiceEndpoints:
         plan: str | KeptMotion,
         file_format: ExportFormat,
         **options: Unpack[ProgramOptions],
-    ) -> Call[Export]:
+    ) -> Call[ExportAnswer]:
         """A kept plan, task or tour as one program for a controller, proved as one."""
         body = ExportRequest.of(plan=plan, format=file_format, **options)
-        return Call("POST", path("export"), Export.read, body, deadline=body.timeout)
+        return Call("POST", path("export"), ExportAnswer.read, body, deadline=body.timeout)
 
     @Endpoint
     def convert_pose(
         self,
         pose: PoseForm | None = None,
         *,
-        motions: Sequence[PoseMotion] | None = None,
+        motions: Sequence[Motion] | None = None,
         inverse: bool = False,
         angular_velocity: VectorLike | None = None,
-    ) -> Call[ConvertedPose]:
+    ) -> Call[ConvertPoseAnswer]:
         """A pose, or motions carried out in turn, in every form."""
         body = ConvertPoseRequest.of(
             pose=pose, motions=motions, inverse=inverse, angular_velocity=angular_velocity
         )
-        return Call("POST", path("poses", "convert"), ConvertedPose.read, body)
+        return Call("POST", path("poses", "convert"), ConvertPoseAnswer.read, body)
 
     @Endpoint
     def retime(
@@ -436,11 +424,11 @@ class ServiceEndpoints:
         limits_at: Sequence[LimitsAt] | None = None,
         stops: Literal["none", "path"] | None = None,
         **options: Unpack[RetimeOptions],
-    ) -> Call[Retimed]:
+    ) -> Call[RetimeAnswer]:
         """Time a path within the limits of a robot, or within those given; see `RetimeOptions`."""
         waypoints = RetimePath.of(joints=joints, knots=knots, tolerance=tolerance)
         body = RetimeRequest.of(path=waypoints, limits_at=limits_at, stops=stops, **options)
-        return Call("POST", path("retime"), Retimed.read, body, deadline=body.timeout)
+        return Call("POST", path("retime"), RetimeAnswer.read, body, deadline=body.timeout)
 
     @Endpoint
     def simplify(
@@ -453,7 +441,7 @@ class ServiceEndpoints:
         scene: str | Scene | None = None,
         margin: float = 0.0,
         timeout: float | None = None,
-    ) -> Call[Simplified]:
+    ) -> Call[SimplifyAnswer]:
         """Tell a path by the fewest waypoints within a tolerance, proved where a robot is named."""
         body = SimplifyRequest.of(
             path=PathBody.of(joints=joints),
@@ -464,7 +452,7 @@ class ServiceEndpoints:
             margin=margin,
             timeout=timeout,
         )
-        return Call("POST", path("paths", "simplify"), Simplified.read, body, deadline=timeout)
+        return Call("POST", path("paths", "simplify"), SimplifyAnswer.read, body, deadline=timeout)
 
     @Endpoint
     def fit(
@@ -476,9 +464,9 @@ class ServiceEndpoints:
         robot: str | None = None,
         rest: bool = False,
         retime: RetimeTiming | None = None,
-        limits: LimitValues | None = None,
+        limits: LimitsBody | None = None,
         timeout: float | None = None,
-    ) -> Call[Fitted]:
+    ) -> Call[FitAnswer]:
         """Few polynomials within a tolerance of a recorded motion, or its geometry timed anew."""
         samples = Samples.of(time=times, position=positions)
         body = FitRequest.of(
@@ -490,40 +478,40 @@ class ServiceEndpoints:
             limits=limits,
             timeout=timeout,
         )
-        return Call("POST", path("paths", "fit"), Fitted.read, body, deadline=timeout)
+        return Call("POST", path("paths", "fit"), FitAnswer.read, body, deadline=timeout)
 
     @Endpoint
     def retime_states(
         self,
-        start: JointState,
-        end: JointState,
+        start: JointStateBody,
+        end: JointStateBody,
         *,
         joint_names: Sequence[str] | None = None,
         synchronization: str | None = None,
         **options: Unpack[RetimeOptions],
-    ) -> Call[Retimed]:
+    ) -> Call[RetimeAnswer]:
         """Time the motion between two states with bounded jerk, in the least time."""
         given = {"joint_names": joint_names, "synchronization": synchronization}
         body = RetimeRequest.of(start=start, end=end, **given, **options)
-        return Call("POST", path("retime"), Retimed.read, body, deadline=body.timeout)
+        return Call("POST", path("retime"), RetimeAnswer.read, body, deadline=body.timeout)
 
     @Endpoint
     def simulate(
         self,
         robot: str,
-        trajectory: Trajectory | TimedTrajectory | Options,
+        trajectory: TrajectoryBody | TrajectoryAnswer | Options,
         controller: Options,
         **options: Unpack[SimulateOptions],
-    ) -> Call[Simulation]:
+    ) -> Call[SimulateAnswer]:
         """Follow a motion with a controller, its type and gains given; see `SimulateOptions`.
 
         In place of a trajectory a reference by name will do, for example
         {"type": "sine", "center": [...], "amplitude": 0.3, "frequency": 0.5, "duration": 4}.
         """
-        is_named = not isinstance(trajectory, Trajectory | TimedTrajectory)
+        is_named = not isinstance(trajectory, TrajectoryBody | TrajectoryAnswer)
         motion = {"reference" if is_named else "trajectory": trajectory}
         body = SimulateRequest.of(robot=robot, controller=controller, **motion, **options)
-        return Call("POST", path("simulate"), Simulation.read, body, deadline=body.timeout)
+        return Call("POST", path("simulate"), SimulateAnswer.read, body, deadline=body.timeout)
 
     @Endpoint
     def lyapunov(
@@ -534,10 +522,10 @@ class ServiceEndpoints:
         Q: RowsLike | None = None,
         x: VectorLike | RowsLike | None = None,
         **options: Unpack[LyapunovOptions],
-    ) -> Call[Lyapunov]:
+    ) -> Call[LyapunovAnswer]:
         """V = x'Px as a Lyapunov function of dx/dt = A x; with Q in place of P it is solved for.
 
         In place of A formulas f and V, or a system by name, are examined; see `LyapunovOptions`.
         """
         body = LyapunovRequest.of(A=A, P=P, Q=Q, x=x, **options)
-        return Call("POST", path("lyapunov"), Lyapunov.read, body)
+        return Call("POST", path("lyapunov"), LyapunovAnswer.read, body)

@@ -4,25 +4,18 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field
 
-from armwright_wire.base import Answer, Frame, JointVector, Ratio, Seed, Timeout, examples
+from armwright_wire.base import Answer, JointVector, Ratio, Seed, examples
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.motions.trajectory import TrajectoryAnswer
 from armwright_wire.robots.identification import Drives
-from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
-from armwright_wire.scenes.scene import SceneReference
-from armwright_wire.scenes.tool import WithTool
+from armwright_wire.scenes.check import SceneRequest, WithFingers
 
 
-class ExcitationRequest(WithFingers, WithTool):
+class ExcitationRequest(SceneRequest, WithFingers):
     """A motion from whose logs an arm is identified well, free of collision."""
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("ExcitationRequest")})
 
-    scene: SceneReference | None = Field(None, examples=["table"])
-    frame: Frame | None = None
-    attached: AttachedObjects | None = None
-    allowed_collisions: AllowedCollisions | None = None
-    margin: Margin = 0.0
     start: JointVector | None = None
     """where it begins and ends, at rest; the middle of the limits if left out"""
     period: Annotated[float, Field(ge=0.1, le=600.0)] = 10.0
@@ -40,7 +33,6 @@ class ExcitationRequest(WithFingers, WithTool):
     sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = None
     """samples are answered at this period [s], else none"""
     seed: Seed = 0
-    timeout: Timeout | None = None
 
 
 class ExcitationAnswer(Answer):

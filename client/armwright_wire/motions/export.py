@@ -9,20 +9,16 @@ from armwright_wire.base import (
     Beside,
     Body,
     BodyWithRules,
-    Frame,
     Label,
     Name,
     NonNegative,
     Number,
     Ratio,
-    Timeout,
     examples,
 )
 from armwright_wire.motions.certificate import CertificateAnswer, Premises
 from armwright_wire.motions.trajectory import TrajectoryBody
-from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
-from armwright_wire.scenes.scene import SceneReference
-from armwright_wire.scenes.tool import WithTool
+from armwright_wire.scenes.check import SceneRequest, WithFingers
 
 Format = Literal[
     "joint_trajectory_json",
@@ -66,7 +62,7 @@ PlanSource = Annotated[
 ]
 
 
-class ExportRequest(WithTool, WithFingers, BodyWithRules):
+class ExportRequest(SceneRequest, WithFingers, BodyWithRules):
     """A motion to be written for a controller, and proved as the controller interpolates it."""
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("ExportRequest")})
@@ -86,8 +82,6 @@ class ExportRequest(WithTool, WithFingers, BodyWithRules):
 
     robot: Name | None = Field(None, examples=["panda"])
     """name of a stored or built-in robot"""
-    scene: SceneReference | None = Field(None, examples=["table"])
-    frame: Frame | None = None
     trajectory: TrajectoryBody | None = None
     plan: PlanSource | None = None
     format: Format = Field(examples=["ros2_control"])
@@ -132,16 +126,12 @@ class ExportRequest(WithTool, WithFingers, BodyWithRules):
     """of the program and of the file"""
     frame_id: Annotated[str, Field(max_length=256)] = ""
     """of the header of a ROS message"""
-    attached: AttachedObjects | None = None
-    allowed_collisions: AllowedCollisions | None = None
-    margin: Margin = 0.0
     premises: Premises | None = None
     """those of the certificate that the motion has; where robot, scene or what is held differ from
     them the export is refused
     """
     different_scene: bool = False
     """export all the same, proved for the robot and scene of this request"""
-    timeout: Timeout | None = None
 
 
 class ExportPart(Answer):

@@ -11,7 +11,6 @@ from armwright_wire.base import (
     Beside,
     Body,
     BodyWithRules,
-    Frame,
     JointVector,
     Label,
     Name,
@@ -31,8 +30,7 @@ from armwright_wire.motions.trajectory import (
     TrajectoryAnswer,
     TrajectoryBody,
 )
-from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
-from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.check import SceneRequest, WithFingers
 from armwright_wire.scenes.tool import WithTool
 
 #: A path of so many waypoints takes some seconds.
@@ -304,7 +302,7 @@ _OF_ROBOT = (
 )
 
 
-class SimplifyRequest(WithTool, WithFingers, BodyWithRules):
+class SimplifyRequest(SceneRequest, WithFingers, BodyWithRules):
     """A path to be told by the fewest waypoints within a tolerance, in a scene perhaps."""
 
     needs: ClassVar[Beside] = dict.fromkeys(_OF_ROBOT, ("robot",))
@@ -321,12 +319,6 @@ class SimplifyRequest(WithTool, WithFingers, BodyWithRules):
     """
     robot: Name | None = Field(None, examples=["panda"])
     """name of a stored or built-in robot, against which the answer is proved"""
-    scene: SceneReference | None = Field(None, examples=["table"])
-    frame: Frame | None = None
-    attached: AttachedObjects | None = None
-    allowed_collisions: AllowedCollisions | None = None
-    margin: Margin = 0.0
-    timeout: Timeout | None = None
 
 
 class SimplifyAnswer(Answer):

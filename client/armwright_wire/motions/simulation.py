@@ -27,9 +27,8 @@ from armwright_wire.base import (
 from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.robots.payload import Payload
 from armwright_wire.robots.robot import LinkInertia, Motor
-from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects
+from armwright_wire.scenes.check import WithScene
 from armwright_wire.scenes.scene import SceneReference
-from armwright_wire.scenes.tool import WithTool
 
 Vector = Number | JointVector
 
@@ -265,7 +264,7 @@ class JointStops(Body):
     """c [s/rad or s/m]: of a speed v about v / (1 + 2 c v / 3) is left"""
 
 
-class SimulateRequest(WithTool, BodyWithRules):
+class SimulateRequest(WithScene, BodyWithRules):
     """A motion to be followed under a controller."""
 
     one_of: ClassVar[tuple[str, ...]] = ("trajectory", "reference")
@@ -317,8 +316,6 @@ class SimulateRequest(WithTool, BodyWithRules):
     """
     frame: Frame | None = None
     """of an inline scene that names none"""
-    attached: AttachedObjects | None = None
-    allowed_collisions: AllowedCollisions | None = None
     timeout: Timeout | None = None
     seed: Seed = 0
 

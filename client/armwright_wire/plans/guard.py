@@ -11,7 +11,6 @@ from armwright_wire.base import (
     Beside,
     Body,
     BodyWithRules,
-    Frame,
     JointVector,
     Label,
     Name,
@@ -24,9 +23,8 @@ from armwright_wire.base import (
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
 from armwright_wire.plans.task import MovedObject
-from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
-from armwright_wire.scenes.scene import Obstacle, SceneReference
-from armwright_wire.scenes.tool import WithTool
+from armwright_wire.scenes.check import Margin, WithFingers, WithScene
+from armwright_wire.scenes.scene import Obstacle
 
 #: A minute at 30 Hz.
 _MAX_SAMPLES = 2_000
@@ -114,15 +112,11 @@ class GuardStep(Body):
     """tell the first instant of a collision, which takes longer"""
 
 
-class GuardOpening(WithTool, WithFingers):
+class GuardOpening(WithScene, WithFingers):
     """Robot and scene that a session is about: its first message."""
 
     robot: Name = Field(examples=["panda"])
     """name of a stored or built-in robot"""
-    scene: SceneReference | None = Field(None, examples=["table"])
-    frame: Frame | None = None
-    attached: AttachedObjects | None = None
-    allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
     limits: LimitsBody | None = None
     stop: Literal["path", "joints", "both"] = "path"

@@ -7,7 +7,6 @@ from pydantic import ConfigDict, Field, model_validator
 from armwright_wire.base import (
     Answer,
     Body,
-    Frame,
     FreeForm,
     InFrame,
     Keepable,
@@ -39,9 +38,7 @@ from armwright_wire.motions.retime import PathToKeep, PathTolerance
 from armwright_wire.motions.timing import Timing, TimingAnswer
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
 from armwright_wire.robots.payload import Payload
-from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
-from armwright_wire.scenes.scene import SceneReference
-from armwright_wire.scenes.tool import WithTool
+from armwright_wire.scenes.check import SceneRequest, WithFingers
 
 Tolerance = Annotated[Positive, Field(le=10.0)]
 Witness = Annotated[
@@ -143,15 +140,13 @@ _OPTIONS = (
 )
 
 
-class PlanRequest(WithTool, WithFingers, Keepable):
+class PlanRequest(SceneRequest, WithFingers, Keepable):
     """A motion to be planned."""
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("PlanRequest")})
 
     robot: Name = Field(examples=["panda"])
     """name of a stored or built-in robot"""
-    scene: SceneReference | None = Field(None, examples=["table"])
-    frame: Frame | None = None
     start: Start
     goal: Goal
     planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = Field(
@@ -166,9 +161,6 @@ class PlanRequest(WithTool, WithFingers, Keepable):
     refine: bool | Refine | None = None
     """optimise what the planner found; true for the least time"""
     constraints: Constraints | None = None
-    attached: AttachedObjects | None = None
-    allowed_collisions: AllowedCollisions | None = None
-    margin: Margin = 0.0
     clearance: Clearance | None = None
     goal_costs: GoalCosts | None = None
     collisions: Collisions = "check"
@@ -214,21 +206,16 @@ class PlanRequest(WithTool, WithFingers, Keepable):
         return self
 
 
-class ValidateRequest(WithTool, WithFingers, Keepable):
+class ValidateRequest(SceneRequest, WithFingers, Keepable):
     """A motion to be proved valid, whoever made it."""
 
     robot: Name = Field(examples=["panda"])
     """name of a stored or built-in robot"""
-    scene: SceneReference | None = Field(None, examples=["table"])
-    frame: Frame | None = None
     trajectory: TrajectoryBody
     path: PathToKeep | None = None
     """waypoints that the motion has to be near"""
     limits: LimitsBody | None = None
     constraints: Constraints | None = None
-    attached: AttachedObjects | None = None
-    allowed_collisions: AllowedCollisions | None = None
-    margin: Margin = 0.0
     collisions: Collisions = "check"
     tool_motions: TimedToolMotions | None = None
     """lines and arcs that the tool has to keep to"""
@@ -240,7 +227,6 @@ class ValidateRequest(WithTool, WithFingers, Keepable):
     """largest speed of the tip [m/s]"""
     stops: Stops = "none"
     witness: Witness = False
-    timeout: Timeout | None = None
 
 
 class Stage(Answer):

@@ -7,7 +7,6 @@ from pydantic import ConfigDict, Field, model_validator
 from armwright_wire.base import (
     Answer,
     Body,
-    Frame,
     InFrame,
     Keepable,
     Label,
@@ -31,10 +30,9 @@ from armwright_wire.scenes.check import (
     Attached,
     AttachedObjects,
     FingerPositions,
-    Margin,
+    SceneRequest,
 )
-from armwright_wire.scenes.scene import SceneReference
-from armwright_wire.scenes.tool import HeldTip, WithTool
+from armwright_wire.scenes.tool import HeldTip
 
 
 class MovedObject(Body):
@@ -46,17 +44,13 @@ class MovedObject(Body):
     """where it stands, in the root frame"""
 
 
-class TaskRequest(WithTool, Keepable):
+class TaskRequest(SceneRequest, Keepable):
     """A sequence of stages to be planned as one."""
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("TaskRequest")})
 
     robot: Name = Field(examples=["panda"])
     """name of the robot"""
-    scene: SceneReference | None = Field(None, examples=["table"])
-    """a stored scene by its name, or a scene"""
-    frame: Frame | None = None
-    """of poses that name none; the root if left out"""
     start: Start
     """where the arm stands"""
     stages: Annotated[list[StageUnion], Field(min_length=1, max_length=MAX_STAGES)]
@@ -71,7 +65,6 @@ class TaskRequest(WithTool, Keepable):
     """
     allowed_collisions: AllowedCollisions | None = None
     """pairs that may touch in all stages"""
-    margin: Margin = 0.0
     timing: Timing = Field(default_factory=Timing)
     """how paths become motions"""
     limits: LimitsBody | None = None

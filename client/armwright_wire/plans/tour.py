@@ -40,9 +40,7 @@ from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer
 from armwright_wire.plans.plan import PathAnswer, Reproducibility, Witness
 from armwright_wire.pose import PoseInFrame
 from armwright_wire.robots.reach import ReachTolerance
-from armwright_wire.scenes.check import AllowedAnswers, AllowedCollisions, AttachedObjects, Margin
-from armwright_wire.scenes.scene import SceneReference
-from armwright_wire.scenes.tool import WithTool
+from armwright_wire.scenes.check import AllowedAnswers, SceneRequest
 
 MAX_GOALS = 500
 MAX_ROUNDS = 1_000
@@ -98,16 +96,13 @@ def as_tour_goal(goal: GoalLike) -> TourGoal:
     return TourGoal(**given_fields(as_goal(goal)))
 
 
-class TourRequest(WithTool, Keepable):
+class TourRequest(SceneRequest, Keepable):
     """Goals to be visited in the order that takes the least time."""
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("TourRequest")})
 
     robot: Name = Field(examples=["panda"])
     """the robot"""
-    scene: SceneReference | None = Field(None, examples=["table"])
-    """what is in the way"""
-    frame: Frame | None = None
     start: Start | None = None
     """where the tour begins, at rest; at any goal if left out"""
     end: Literal["any", "start"] | Start = Field("any", examples=["start"])
@@ -119,12 +114,7 @@ class TourRequest(WithTool, Keepable):
         Field(max_length=MAX_PRECEDENCE),
     ] = Field(default_factory=list, examples=[[["hole_1", "hole_0"]]])
     """pairs of goals or groups: the first is visited before the second"""
-    attached: AttachedObjects | None = None
-    """objects that the robot holds"""
-    allowed_collisions: AllowedCollisions | None = None
     constraints: Constraints | None = None
-    margin: Margin = 0.0
-    """distance to be kept from obstacles [m]"""
     clearance: Clearance | None = None
     """distance to be kept wherever there is room; none if left out"""
     goal_costs: GoalCosts | None = None

@@ -33,13 +33,7 @@ from armwright_wire.base import (
 )
 from armwright_wire.goals.goal import Constraints, ConstraintUse
 from armwright_wire.pose import Orientation, OrientedPoseAnswer, PoseInFrame
-from armwright_wire.scenes.check import (
-    MAX_FINGERS,
-    AllowedAnswers,
-    AllowedCollisions,
-    AttachedObjects,
-)
-from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.check import MAX_FINGERS, AllowedAnswers, AttachedObjects, WithScene
 from armwright_wire.scenes.tool import WithTool
 
 MAX_SOLUTIONS = 1_000
@@ -192,13 +186,12 @@ _POSES: JsonDict = {
 }
 
 
-class IkRequest(WithTool, Keepable):
+class IkRequest(WithScene, Keepable):
     """A pose to be reached, or many of them, each for itself."""
 
     model_config = ConfigDict(json_schema_extra={"allOf": [_POSES]})
 
     pose: PoseInFrame | None = None
-    frame: Frame | None = None
     poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=MAX_POSES)] | None = None
     """many poses instead of one: solutions then holds a list for each"""
     link: Label | None = None
@@ -228,10 +221,8 @@ class IkRequest(WithTool, Keepable):
     gradient: GradientOptions | None = None
     """of the method "gradient"
     """
-    scene: SceneReference | None = Field(None, examples=["table"])
     attached: AttachedObjects | None = None
     """what is held; solutions are then checked, with no scene too"""
-    allowed_collisions: AllowedCollisions | None = None
     constraints: Constraints | None = None
     """with the methods constrained and auto; with them no pose is needed"""
     posture: JointVector | None = None

@@ -11,22 +11,17 @@ from armwright_wire.base import (
     Answer,
     Body,
     BodyWithRules,
-    Frame,
     FreeOrRange,
     InFrame,
     Label,
-    NonNegative,
     Number,
     Positive,
     Range,
     Seed,
-    Timeout,
     is_given,
 )
 from armwright_wire.pose import Pose, PoseAnswer, Quaternion, check_quaternion_norm
-from armwright_wire.scenes.check import AllowedAnswers, AllowedCollisions, AttachedObjects
-from armwright_wire.scenes.scene import SceneReference
-from armwright_wire.scenes.tool import WithTool
+from armwright_wire.scenes.check import AllowedAnswers, SceneRequest
 
 #: Poses that are listed one by one: at 100 bytes each, ten megabytes.
 MAX_POSES = 100_000
@@ -88,7 +83,7 @@ class BaseRegion(Body):
     """angles about z, evenly over a turn"""
 
 
-class ReachRequest(WithTool, BodyWithRules):
+class ReachRequest(SceneRequest, BodyWithRules):
     """Task poses and what stands around; with candidates for the base also where to stand."""
 
     one_of: ClassVar[tuple[str, ...]] = ("poses", "box")
@@ -101,15 +96,9 @@ class ReachRequest(WithTool, BodyWithRules):
     """task poses of the link"""
     box: ReachBox | None = None
     """a grid of poses in place of a list"""
-    frame: Frame | None = None
     link: Label | None = None
     """the tip if left out"""
     tolerance: ReachTolerance | None = None
-    scene: SceneReference | None = Field(None, examples=["table"])
-    attached: AttachedObjects | None = None
-    allowed_collisions: AllowedCollisions | None = None
-    margin: Annotated[NonNegative, Field(le=10.0)] = 0.0
-    """distance to be kept from obstacles [m]"""
     choice: Literal["manipulability", "clearance", "limits", "first"] = "manipulability"
     """what makes the best configuration of a pose; with `first` the first one that is found free
     will do, and `branches` and `samples` count no further
@@ -128,7 +117,6 @@ class ReachRequest(WithTool, BodyWithRules):
     """arrays, or with box and one orientation a picture of its slices, or a coloured mesh of what
     is reached (binary glTF)
     """
-    timeout: Timeout | None = None
     seed: Seed = 0
 
     @model_validator(mode="after")

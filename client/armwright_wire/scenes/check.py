@@ -136,20 +136,30 @@ Margin = Annotated[
 ]
 
 
-class CheckRequest(WithTool, WithFingers, Keepable):
+class WithScene(WithTool):
+    """A request about a robot among obstacles, and what it holds."""
+
+    scene: SceneReference | None = Field(None, examples=["table"])
+    frame: Frame | None = None
+    attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
+
+
+class SceneRequest(WithScene):
+    """A request about a robot that keeps a distance from obstacles."""
+
+    margin: Margin = 0.0
+    timeout: Timeout | None = None
+
+
+class CheckRequest(SceneRequest, WithFingers, Keepable):
     """Configurations to be checked against limits, themselves and a scene."""
 
     robot: Name = Field(examples=["panda"])
     """name of a stored or built-in robot"""
-    scene: SceneReference | None = Field(None, examples=["table"])
-    frame: Frame | None = None
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     depth: bool = True
     """false leaves depths and clearance out, and with them nearly all of the time"""
-    attached: AttachedObjects | None = None
-    allowed_collisions: AllowedCollisions | None = None
-    margin: Margin = 0.0
-    timeout: Timeout | None = None
 
 
 class Collision(Answer):
