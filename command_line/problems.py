@@ -149,14 +149,12 @@ def shows_problems(as_json: bool) -> Iterator[None]:
 
 
 def _document(error: Exception) -> dict[str, Any]:
-    from service.http.errors import document, from_domain  # noqa: PLC0415  a web framework
+    from service.http.errors import document, problem_of  # noqa: PLC0415  a web framework
 
     if isinstance(error, CommandProblem):
         return error.document
-    if isinstance(error, ArmwrightError):
-        return document(from_domain(error), _INSTANCE)
-    if isinstance(error, ProblemError):
-        return document(error, _INSTANCE)
+    if isinstance(error, ArmwrightError | ProblemError):
+        return document(problem_of(error), _INSTANCE)
     if isinstance(error, OSError):
         return document(_of_file(error), _INSTANCE)
     hint = f"This is a fault of Armwright. With {_DEBUG}=1 the command shows where; report that."

@@ -285,13 +285,14 @@ def validate_as(model: type[_Model], value: Any) -> _Model:
     try:
         return model.model_validate(value)
     except ValidationError as error:
-        found = [{**item, "loc": ("body", *item["loc"])} for item in fault_list(error)]
-        raise validation_problem(found, value) from None
+        raise body_problem(error, value) from None
 
 
-def fault_list(error: ValidationError) -> list[Any]:
-    """The faults that pydantic found, without links, values and contexts: nobody is shown those."""
-    return error.errors(include_url=False, include_input=False, include_context=False)
+def body_problem(error: ValidationError, body: Any) -> ProblemError:
+    """The problem of a parsed body that does not follow its model."""
+    # Without links, values and contexts: nobody is shown those.
+    faults = error.errors(include_url=False, include_input=False, include_context=False)
+    return validation_problem([{**one, "loc": ("body", *one["loc"])} for one in faults], body)
 
 
 def validation_problem(errors: Sequence[Mapping[str, Any]], body: Any) -> ProblemError:

@@ -31,7 +31,7 @@ from planning.values.deadline import Deadline
 from service.storage.caches import prepared_files, worker_cache
 from service.storage.caches.cache_key import NotPrepared, Reference, builtin_reference
 from service.storage.caches.mounts import mount_of, robot_tools
-from service.validation import ProblemError, from_fields, validate_as
+from service.validation import ProblemError, validate_as
 from service.workers import current
 from service.workers.result import PlanOutcome, TaskProblem
 
@@ -166,7 +166,7 @@ class LocalBackend:
         Raises:
             ProblemError: The file has no answer, or nothing was computed.
         """
-        from service.endpoints.plans.replay import merge, problem_of  # noqa: PLC0415
+        from service.endpoints.plans.replay import answering_problem, merge  # noqa: PLC0415
         from service.http.keeping import compared  # noqa: PLC0415
 
         told = plan.get("answer") or plan.get("problem")
@@ -183,7 +183,7 @@ class LocalBackend:
                 own = self._answer(answering(path), robot, reference, merge(request, changes))
                 field = "answer"
             except (ProblemError, ArmwrightError) as error:
-                own, field = problem_of(error, path), "problem"
+                own, field = answering_problem(error, path), "problem"
         same = compared(json.dumps(told).encode(), own)
         return same._asdict() | {"plan_id": None, field: json.loads(own)}
 
@@ -376,7 +376,7 @@ class LocalBackend:
                 prepare_robot(self._documents[reference.name], reference.folder)
                 continue
             if isinstance(result, TaskProblem):
-                raise from_fields(result.code, result.message, result.hint, result.details)
+                raise result.error
             return result
         raise ProblemError("CRASH", f"the robot {reference.name!r} can't be prepared")
 

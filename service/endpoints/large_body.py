@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from armwright_wire.scenes.tool import HeldTip, WithTool
-from service.validation import ProblemError, fault_list, parse_json, validation_problem
+from service.validation import ProblemError, body_problem, parse_json
 from service.workers.result import TaskProblem
 from service.workers.task import task
 
@@ -40,11 +40,9 @@ def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
             # As the framework does it, down to the messages.
             body = TypeAdapter(expected).validate_python(value, from_attributes=True)
         except ValidationError as error:
-            found = [{**item, "loc": ("body", *item["loc"])} for item in fault_list(error)]
-            raise validation_problem(found, value) from None
+            raise body_problem(error, value) from None
     except ProblemError as problem:
-        details: dict[str, Any] = {**problem.details, "stage": problem.stage}
-        return TaskProblem(problem.code, problem.detail, problem.hint, details)
+        return TaskProblem.of(problem)
     return _outline(body)
 
 

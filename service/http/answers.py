@@ -24,7 +24,7 @@ from service.storage.caches.cache_key import Kind, Mount, Reference, builtin_ref
 from service.storage.caches.mounts import MOUNTING, Asked, mount_of, named_tools, robot_tools
 from service.storage.robot_repository import is_built_in
 from service.task_references import prepare_robot, prepare_scene, robot_model
-from service.validation import from_fields, storage_problem
+from service.validation import storage_problem
 from service.workers.process import OnProgress
 from service.workers.result import CacheMiss, RobotModel, TaskProblem
 from service.workers.task import Job
@@ -206,7 +206,7 @@ async def prepared_result(
     for _ in range(_ATTEMPTS):
         result = await run()
         if isinstance(result, TaskProblem):
-            raise from_fields(result.code, result.message, result.hint, result.details)
+            raise result.error
         if not isinstance(result, CacheMiss):
             return result
         await _prepare(request, result.reference)

@@ -86,11 +86,6 @@ def document(problem: ProblemError, instance: str) -> dict[str, Any]:
     }
 
 
-def from_domain(error: ArmwrightError) -> ProblemError:
-    """The problem of a caller's fault that the domain found."""
-    return from_fields(error.code, error.message, error.hint, error.details)
-
-
 def plain(value: Any, depth: int = 0) -> Any:
     """A value as strict JSON can carry it: arrays as lists, what is not finite as null."""
     if hasattr(value, "tolist"):
@@ -121,20 +116,23 @@ _FRAMEWORK = {
 }
 
 
+def problem_content(problem: ProblemError, instance: str) -> bytes:
+    """The problem document of a request to the path `instance`, JSON."""
+    return json.dumps(document(problem, instance), ensure_ascii=False, allow_nan=False).encode()
+
+
 def problem_response(problem: ProblemError, instance: str) -> Response:
     """The HTTP response of a problem for a request to the path `instance`."""
-    content = json.dumps(document(problem, instance), ensure_ascii=False, allow_nan=False)
-    return Response(
-        content.encode("utf-8"), status_of(problem), headers_of(problem), PROBLEM_MEDIA_TYPE
-    )
+    content = problem_content(problem, instance)
+    return Response(content, status_of(problem), headers_of(problem), PROBLEM_MEDIA_TYPE)
 
 
 def problem_of(error: ProblemError | ArmwrightError | RequestValidationError) -> ProblemError:
-    """The problem that an error is."""
+    """The problem that an error is: one of ours, a fault that the domain found, or a body's."""
     if isinstance(error, ProblemError):
         return error
     if isinstance(error, ArmwrightError):
-        return from_domain(error)
+        return from_fields(error.code, error.message, error.hint, error.details)
     return validation_problem(error.errors(), error.body)
 
 

@@ -26,7 +26,6 @@ from service.settings import Settings
 from service.task_references import outline
 from service.validation import (
     check_field_count,
-    from_fields,
     parse_json,
     request_problem,
     validate_as,
@@ -234,7 +233,7 @@ async def validated_by_worker(
         job.with_deadline(deadline_of(request, seconds)), client=client_of(request.scope)
     )
     if isinstance(result, TaskProblem):
-        raise from_fields(result.code, result.message, result.hint, result.details)
+        raise result.error
     return result
 
 

@@ -24,7 +24,7 @@ from armwright_wire.plans.kept_plan import MAX_DIFFERENCES
 from kinematics.errors import ArmwrightError
 from service.access.authentication import caller_of
 from service.http.audit import check_answer
-from service.http.errors import document, from_domain, status_of
+from service.http.errors import problem_content, problem_of, status_of
 from service.http.state import (
     DRY_RUN,
     REPLAY,
@@ -67,6 +67,11 @@ class _Outcome:
     content: bytes
 
 
+def answers_request(problem: ProblemError) -> bool:
+    """Whether a problem is what was found out of a request, and not that nothing was computed."""
+    return status_of(problem) in _ANSWERING and problem.code not in _MALFORMED
+
+
 def takes_keep(model: type[BaseModel] | None) -> bool:
     """Whether requests that follow a model can be kept."""
     return model is not None and issubclass(model, Keepable)
@@ -87,17 +92,14 @@ async def answer_and_keep(
         response = await handle(request)
         await check_answer(request, bytes(response.body), time.monotonic() - begun)
     except (ProblemError, ArmwrightError) as error:
-        problem = from_domain(error) if isinstance(error, ArmwrightError) else error
-        answers_it = status_of(problem) in _ANSWERING and problem.code not in _MALFORMED
-        if not answers_it and problem.code != "CERTIFICATE_DISPUTED":
+        problem = problem_of(error)
+        if not answers_request(problem) and problem.code != "CERTIFICATE_DISPUTED":
             raise
-        content = json.dumps(document(problem, request.url.path), ensure_ascii=False)
-        failure = _Outcome(status_of(problem), problem.code, content.encode())
-        plan_id = await _keep(request, failure)
-        if plan_id is None:
-            raise problem from None
-        problem.headers["Location"] = f"/v1/plans/{plan_id}"
-        problem.details["plan_id"] = plan_id
+        content = problem_content(problem, request.url.path)
+        plan_id = await _keep(request, _Outcome(status_of(problem), problem.code, content))
+        if plan_id is not None:
+            problem.headers["Location"] = f"/v1/plans/{plan_id}"
+            problem.details["plan_id"] = plan_id
         raise problem from None
     outcome = _Outcome(response.status_code, None, bytes(response.body))
     plan_id = await _keep(request, outcome)

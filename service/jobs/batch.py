@@ -16,7 +16,7 @@ from starlette.concurrency import run_in_threadpool
 from kinematics.errors import ArmwrightError
 from service.http import answers
 from service.http.compute import allowed_time
-from service.http.errors import document, from_domain
+from service.http.errors import document, problem_of
 from service.http.metrics import Metrics
 from service.http.state import JobContext, settings_of, supervisor_of
 from service.jobs.execution import BATCH_PATH, STORAGE_RETRY
@@ -25,7 +25,7 @@ from service.storage.caches.cache_key import Reference
 from service.storage.database import StorageUnavailable
 from service.storage.stores.job_store import ChunkAnswer, JobAnswer
 from service.task_references import plan, plan_part, split
-from service.validation import ProblemError, from_fields, unexpected_fault
+from service.validation import ProblemError, unexpected_fault
 from service.workers.chunk_sizes import TURN
 from service.workers.result import BatchItem, PlannedPart, PlanOutcome, SplitBatch, TaskProblem
 from service.workers.state import ShuttingDown
@@ -248,9 +248,8 @@ class Batch:
         if isinstance(outcome, PlanOutcome):
             self._metrics.count_plan(outcome.planner, outcome.stages)
             self._end(index, outcome.content)
-            return
-        code, details = outcome.code, outcome.details
-        self._note_problem(index, from_fields(code, outcome.message, outcome.hint, details))
+        else:
+            self._note_problem(index, outcome.error)
 
     def _note_fault(self, part: Part, error: Exception) -> None:
         """Note the fault of a problem; those of a part are tried alone, to learn whose it is."""
@@ -258,10 +257,8 @@ class Batch:
             self._parts.put_back(part.indices, alone=True)
             return
         index = part.indices[0]
-        if isinstance(error, ProblemError):
-            self._note_problem(index, error)
-        elif isinstance(error, ArmwrightError):
-            self._note_problem(index, from_domain(error))
+        if isinstance(error, ProblemError | ArmwrightError):
+            self._note_problem(index, problem_of(error))
         else:
             mishap = unexpected_fault(f"problem {index} of job {self._context.id}")
             self._note_problem(index, mishap)

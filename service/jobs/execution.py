@@ -8,7 +8,6 @@ A job that has not ended yet: where it stands, and the stream of its events.
 
 import asyncio
 import contextlib
-import json
 import logging
 import secrets
 import time
@@ -23,7 +22,7 @@ from starlette.types import ASGIApp
 
 from service.access.authentication import Caller
 from service.fields import picked
-from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
+from service.http.errors import PROBLEM_MEDIA_TYPE, problem_content, status_of
 from service.http.state import JobContext
 from service.jobs.replay import Replayed, replay
 from service.settings import Settings
@@ -63,8 +62,7 @@ def new_record(request: StoredRequest, caller: Caller) -> JobRecord:
 
 def problem_answer(problem: ProblemError, instance: str) -> JobAnswer:
     """The answer of a job that failed: the problem of a request to the path `instance`."""
-    content = json.dumps(document(problem, instance), ensure_ascii=False, allow_nan=False)
-    return JobAnswer(PROBLEM_MEDIA_TYPE, content.encode())
+    return JobAnswer(PROBLEM_MEDIA_TYPE, problem_content(problem, instance))
 
 
 def waiting_again(record: JobRecord) -> JobRecord:

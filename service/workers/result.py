@@ -6,6 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 from pydantic import ValidationError
 
 from service.storage.caches.cache_key import Reference
+from service.validation import ProblemError, from_fields
 from service.workers.task import Task
 
 #: Code of the problem of a request that does not follow its model.
@@ -37,6 +38,17 @@ class TaskProblem:
     message: str
     hint: str | None
     details: dict[str, object]
+
+    @classmethod
+    def of(cls, problem: ProblemError) -> "TaskProblem":
+        """A problem as a value that workers send."""
+        details = {**problem.details, "stage": problem.stage}
+        return cls(problem.code, problem.detail, problem.hint, details)
+
+    @property
+    def error(self) -> ProblemError:
+        """The problem as an exception."""
+        return from_fields(self.code, self.message, self.hint, self.details)
 
     @property
     def is_refusal(self) -> bool:

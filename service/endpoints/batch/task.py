@@ -15,7 +15,7 @@ from service.endpoints.robots import task as robots
 from service.storage.caches import prepared_files
 from service.storage.caches.cache_key import Reference
 from service.translate.frames import names_frame
-from service.validation import fault_list, validation_problem
+from service.validation import body_problem
 from service.workers import current
 from service.workers.chunk_sizes import TURN, Pace, chunk_sizes
 from service.workers.result import (
@@ -104,11 +104,7 @@ def _outcome(
         return TaskProblem(error.code, error.message, error.hint, dict(error.details))
     except ValidationError as error:
         # What it says alone is valid; with what the batch says for all it is not.
-        problem = validation_problem(
-            [{**fault, "loc": ("body", *fault["loc"])} for fault in fault_list(error)], {}
-        )
-        details: dict[str, Any] = {**problem.details, "stage": problem.stage}
-        return TaskProblem(problem.code, problem.detail, problem.hint, details)
+        return TaskProblem.of(body_problem(error, {}))
 
 
 def _parts(content: bytes) -> tuple[dict[str, Any], list[dict[str, Any]]]:

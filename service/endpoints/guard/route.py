@@ -1,7 +1,6 @@
 """The gate for motions that others make."""
 
 import asyncio
-import json
 import uuid
 from typing import Any, cast
 
@@ -13,7 +12,7 @@ from kinematics.errors import ArmwrightError
 from service.access.authentication import caller_of
 from service.http import answers
 from service.http.compute import compute_at_once
-from service.http.errors import document, from_domain
+from service.http.errors import problem_content, problem_of
 from service.http.json_route import json_router
 from service.storage.caches.cache_key import Reference
 from service.task_references import guard as guard_task
@@ -154,5 +153,4 @@ def _split(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _problem(error: ProblemError | ArmwrightError) -> bytes:
-    problem = from_domain(error) if isinstance(error, ArmwrightError) else error
-    return json.dumps(document(problem, "/v1/guard"), ensure_ascii=False).encode()
+    return problem_content(problem_of(error), "/v1/guard")

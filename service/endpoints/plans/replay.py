@@ -9,8 +9,8 @@ from typing import Any
 from fastapi import Request
 
 from kinematics.errors import ArmwrightError
-from service.http.errors import document, from_domain, status_of
-from service.http.keeping import KEPT_PLAN
+from service.http.errors import problem_content, problem_of
+from service.http.keeping import KEPT_PLAN, answers_request
 from service.http.state import REPLAY, STORED_TOOL, USED_REFERENCES, Replay, prepared_folder
 from service.jobs.replay import send_again
 from service.storage.caches.cache_key import Reference
@@ -20,8 +20,6 @@ from service.validation import ProblemError
 #: Keys of a scope that belong to the request around the replay.
 _OUTER = ("route", "endpoint", "path_params", "starlette.exception_handlers", "router", KEPT_PLAN,
           STORED_TOOL)  # fmt: skip
-#: Statuses of problems that answer a request; all others end the replay.
-_ANSWERING = (422, 504)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,12 +109,12 @@ async def replay_plan(
             scope.setdefault("fastapi_middleware_astack", stack)
             sent = await send_again(request.app.router, scope, body, request.receive)
     except (ProblemError, ArmwrightError) as error:
-        content = problem_of(error, record.path)
+        content = answering_problem(error, record.path)
         return Replayed(content, succeeded=False, plan_id=scope.get(KEPT_PLAN))
     return Replayed(bytes(sent.body), succeeded=True, plan_id=scope.get(KEPT_PLAN))
 
 
-def problem_of(error: ProblemError | ArmwrightError, path: str) -> bytes:
+def answering_problem(error: ProblemError | ArmwrightError, path: str) -> bytes:
     """The problem document that answers a request.
 
     Args:
@@ -127,7 +125,7 @@ def problem_of(error: ProblemError | ArmwrightError, path: str) -> bytes:
         ProblemError: Nothing was computed.
         ArmwrightError: Nothing was computed.
     """
-    problem = from_domain(error) if isinstance(error, ArmwrightError) else error
-    if status_of(problem) not in _ANSWERING or problem.code == "VALIDATION_ERROR":
+    problem = problem_of(error)
+    if not answers_request(problem):
         raise error
-    return json.dumps(document(problem, path), ensure_ascii=False).encode()
+    return problem_content(problem, path)

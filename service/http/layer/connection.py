@@ -5,7 +5,6 @@ layer of the application is asked.
 """
 
 import asyncio
-import json
 import resource
 import sys
 from collections.abc import Callable
@@ -15,7 +14,7 @@ from typing import Any
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from service.http.errors import PROBLEM_MEDIA_TYPE, document, headers_of, status_of
+from service.http.errors import PROBLEM_MEDIA_TYPE, headers_of, problem_content, status_of
 from service.http.layer.middleware import SECURITY_HEADERS
 from service.validation import ProblemError
 
@@ -177,7 +176,7 @@ class Connection(HttpToolsProtocol):
         self._stop_timer()
         if self.transport.is_closing():
             return
-        content, status = json.dumps(document(problem, "")).encode(), status_of(problem)
+        content, status = problem_content(problem, ""), status_of(problem)
         headers = (
             SECURITY_HEADERS
             | headers_of(problem)

@@ -13,9 +13,9 @@ from kinematics.errors import ArmwrightError, InvalidScene
 from service.http.errors import (
     KINDS,
     document,
-    from_domain,
     headers_of,
     plain,
+    problem_of,
     problem_response,
     status_of,
 )
@@ -61,7 +61,7 @@ def test_a_problem_may_say_when_to_ask_again() -> None:
 
 def test_a_fault_found_by_the_domain_keeps_its_words_and_values() -> None:
     error = InvalidScene("the box is flat", hint="Make it thicker.", obstacle="box", stage="scene")
-    problem = from_domain(error)
+    problem = problem_of(error)
     assert (problem.code, problem.detail, problem.hint) == (
         "INVALID_SCENE", "the box is flat", "Make it thicker.",
     )  # fmt: skip
