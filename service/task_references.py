@@ -13,97 +13,75 @@ from service.workers.fork.launch import Recipe
 from service.workers.task import GRACE, TaskReference
 
 if TYPE_CHECKING:
-    from service.endpoints.batch.task import cut as cut
-    from service.endpoints.batch.task import plan_part as plan_part
-    from service.endpoints.batch.task import split as split
-    from service.endpoints.check.task import check as check
-    from service.endpoints.check.task import project as project
-    from service.endpoints.dynamics.equations import equations as equations
-    from service.endpoints.dynamics.task import dynamics_task as dynamics_task
-    from service.endpoints.dynamics.task import forward_dynamics_task as forward_dynamics_task
-    from service.endpoints.dynamics.task import regressor_task as regressor_task
-    from service.endpoints.dynamics.task import wrench_task as wrench_task
-    from service.endpoints.export.task import export as export
-    from service.endpoints.guard.task import guard as guard
-    from service.endpoints.guard.task import guard_message as guard_message
-    from service.endpoints.identification.task import calibrate as calibrate
-    from service.endpoints.identification.task import excitation as excitation
-    from service.endpoints.identification.task import identify as identify
-    from service.endpoints.ik.task import ik as ik
-    from service.endpoints.kinematics.task import convert_pose as convert_pose
-    from service.endpoints.kinematics.task import fk_task as fk_task
-    from service.endpoints.kinematics.task import jacobian_task as jacobian_task
-    from service.endpoints.kinematics.task import velocity_task as velocity_task
-    from service.endpoints.large_body import outline as outline
-    from service.endpoints.lyapunov.task import lyapunov as lyapunov
-    from service.endpoints.plan.task import plan as plan
-    from service.endpoints.plan.task import validate as validate
-    from service.endpoints.plans.audit import audit as audit
-    from service.endpoints.plans.stop import stop as stop
-    from service.endpoints.plans.stop import witness as witness
-    from service.endpoints.plans.view import swept as swept
-    from service.endpoints.plans.view import view as view
-    from service.endpoints.potential.task import potential as potential
-    from service.endpoints.reach.task import reach as reach
-    from service.endpoints.retime.task import convert as convert
-    from service.endpoints.retime.task import fit as fit
-    from service.endpoints.retime.task import retime as retime
-    from service.endpoints.retime.task import simplify as simplify
-    from service.endpoints.robots.task import change_robot as change_robot
-    from service.endpoints.robots.task import finger_poses as finger_poses
-    from service.endpoints.robots.task import make_robot as make_robot
-    from service.endpoints.robots.task import make_scene as make_scene
-    from service.endpoints.robots.task import make_tool as make_tool
-    from service.endpoints.robots.task import prepare_robot as prepare_robot
-    from service.endpoints.robots.task import prepare_scene as prepare_scene
-    from service.endpoints.robots.task import robot_geometry as robot_geometry
-    from service.endpoints.robots.task import robot_model as robot_model
-    from service.endpoints.robots.task import robot_srdf as robot_srdf
-    from service.endpoints.robots.task import robot_urdf as robot_urdf
-    from service.endpoints.robots.task import unpack_robot as unpack_robot
-    from service.endpoints.simulate.task import simulate as simulate
-    from service.endpoints.tasks.task import plan_sequence as plan_sequence
-    from service.endpoints.tours.task import tour as tour
+    from service.endpoints.batch.task import cut, split
+    from service.endpoints.check.task import project
+    from service.endpoints.dynamics.equations import equations
+    from service.endpoints.dynamics.task import (
+        dynamics_task,
+        forward_dynamics_task,
+        regressor_task,
+        wrench_task,
+    )
+    from service.endpoints.identification.task import identify
+    from service.endpoints.kinematics.task import (
+        convert_pose,
+        fk_task,
+        jacobian_task,
+        velocity_task,
+    )
+    from service.endpoints.large_body import outline
+    from service.endpoints.lyapunov.task import lyapunov
+    from service.endpoints.plans.view import swept, view
+    from service.endpoints.potential.task import potential
+    from service.endpoints.retime.task import convert, retime
+    from service.endpoints.robots.task import (
+        change_robot,
+        finger_poses,
+        make_robot,
+        make_scene,
+        make_tool,
+        prepare_robot,
+        prepare_scene,
+        robot_geometry,
+        robot_model,
+        robot_srdf,
+        robot_urdf,
+        unpack_robot,
+    )
 
-#: Package of the tasks; a wheel has it at a longer name.
-_PLACE = "service.endpoints"
-#: Grace of the tasks that mind their deadline themselves; at it, workers with others are ended.
-_GRACES = {
-    "plan_part": GRACE + TURN,
-    **dict.fromkeys(
-        (
-            "audit",
-            "calibrate",
-            "check",
-            "excitation",
-            "export",
-            "fit",
-            "guard",
-            "guard_message",
-            "ik",
-            "plan",
-            "plan_sequence",
-            "reach",
-            "simplify",
-            "simulate",
-            "stop",
-            "tour",
-            "validate",
-            "witness",
-        ),
-        GRACE,
-    ),
-}
+# Tasks that mind their deadline themselves, which they get a grace for.
+if TYPE_CHECKING:
+    from service.endpoints.batch.task import plan_part
+    from service.endpoints.check.task import check
+    from service.endpoints.export.task import export
+    from service.endpoints.guard.task import guard, guard_message
+    from service.endpoints.identification.task import calibrate, excitation
+    from service.endpoints.ik.task import ik
+    from service.endpoints.plan.task import plan, validate
+    from service.endpoints.plans.audit import audit
+    from service.endpoints.plans.stop import stop, witness
+    from service.endpoints.reach.task import reach
+    from service.endpoints.retime.task import fit, simplify
+    from service.endpoints.simulate.task import simulate
+    from service.endpoints.tasks.task import plan_sequence
+    from service.endpoints.tours.task import tour
+
+#: Grace of the tasks of either block above; `plan_part` may go on for a turn.
+_GRACES = (0.0, GRACE)
+_PART_GRACE = {"plan_part": GRACE + TURN}
 
 
 def _references() -> dict[str, TaskReference[..., Any]]:
     """Reference of each task that this file imports for type checkers."""
     found: dict[str, TaskReference[..., Any]] = {}
-    for node in ast.walk(ast.parse(Path(__file__).read_text("utf-8"))):
-        if isinstance(node, ast.ImportFrom) and str(node.module).startswith(_PLACE):
+    statements = ast.parse(Path(__file__).read_text("utf-8")).body
+    blocks = [node for node in statements if isinstance(node, ast.If)]
+    for grace, block in zip(_GRACES, blocks, strict=False):
+        for node in block.body:
+            assert isinstance(node, ast.ImportFrom)
             for task in [item.name for item in node.names]:
                 name = f"{node.module}:{task.removesuffix('_task')}"
-                found[task] = TaskReference(name, _GRACES.get(task, 0.0))
+                found[task] = TaskReference(name, _PART_GRACE.get(task, grace))
     return found
 
 

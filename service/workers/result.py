@@ -1,13 +1,16 @@
 """Results of tasks that are no plain answer; the server reads them, so imports are small."""
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from pydantic import ValidationError
 
 from service.storage.caches.cache_key import Reference
 from service.validation import ProblemError, from_fields
 from service.workers.task import Task
+
+if TYPE_CHECKING:
+    from planning.proof.certificate import Certificate
 
 #: Code of the problem of a request that does not follow its model.
 _MALFORMED = "VALIDATION_ERROR"
@@ -69,6 +72,19 @@ def timed_out(work: str, stage: str) -> TaskProblem:
         "Allow more time with the field timeout.",
         {"stage": stage},
     )
+
+
+def overdue(*proofs: "Certificate | None", work: str = "the work was done") -> TaskProblem | None:
+    """The problem that the deadline passed before proofs were done; None where it did not.
+
+    Args:
+        proofs: Certificates, where there are any.
+        work: The end of the sentence, as `timed_out` has it.
+    """
+    faults = (None if proof is None else proof.violation for proof in proofs)
+    if any(fault is not None and fault.kind == "time" for fault in faults):
+        return timed_out(work, "certificate")
+    return None
 
 
 def validation_fault(error: ValidationError) -> TaskProblem:

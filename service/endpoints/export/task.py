@@ -21,7 +21,7 @@ from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, trajectories
 from service.workers import current
-from service.workers.result import TaskProblem
+from service.workers.result import TaskProblem, overdue
 from service.workers.task import GRACE, task
 
 #: Format that is written beside those of controllers.
@@ -110,13 +110,8 @@ def _answer(
     body: ExportRequest, written: Export | Program, proofs: Sequence[Certificate],
     more: Mapping[str, Any],
 ) -> bytes | TaskProblem:  # fmt: skip
-    if any(one.violation is not None and one.violation.kind == "time" for one in proofs):
-        return TaskProblem(
-            "TIMED_OUT",
-            "the deadline passed before the export was proved",
-            "Allow more time with the field timeout.",
-            {"stage": "certificate"},
-        )
+    if (late := overdue(*proofs, work="the export was proved")) is not None:
+        return late
     answer = {
         "format": body.format,
         "file_name": written.file_name,

@@ -55,7 +55,7 @@ from service.translate.tool_motions import (
 from service.version import VERSION
 from service.workers import current
 from service.workers.answer import in_frame
-from service.workers.result import PlanOutcome, TaskProblem, timed_out, validation_fault
+from service.workers.result import PlanOutcome, TaskProblem, overdue, timed_out, validation_fault
 from service.workers.task import GRACE, task
 
 if TYPE_CHECKING:
@@ -269,9 +269,8 @@ def validate(robot: Reference, scene: Reference | None, content: bytes) -> bytes
         tool_motions=timed_tool_motions(tool_motions, arm.chain, motion, begins),
         deadline=current.deadline(),
     )
-    violation = certificate.violation
-    if violation is not None and violation.kind == "time":
-        return timed_out("the work was done", "certificate")
+    if (late := overdue(certificate)) is not None:
+        return late
     if body.path is not None:
         path = timings.joint_path(body.path, arm.chain)[1]
         certificate = with_path(certificate, motion, path, body.path.tolerance)

@@ -18,7 +18,7 @@ from service.endpoints.plan.task import plan_witness, proof_question, question, 
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, problems, timings, trajectories
 from service.workers import current
-from service.workers.result import TaskProblem, timed_out
+from service.workers.result import TaskProblem, overdue
 from service.workers.task import GRACE, task
 
 
@@ -48,9 +48,8 @@ def stop(
             hint="Replay the plan, and ask for a stop of the answer to that.",
         ) from error
     stopped = stop_motion(motion, around, at - begins, kind, current.deadline())
-    violation = stopped.certificate.violation
-    if violation is not None and violation.kind == "time":
-        return timed_out("the work was done", "certificate")
+    if (late := overdue(stopped.certificate)) is not None:
+        return late
     asked = whole["request"].get("scene")
     return to_json(
         {

@@ -35,7 +35,7 @@ from planning.pipeline.pipeline import plan
 from planning.proof.premises import Premises
 from planning.values.finger_motion import FingerMotion
 from planning.values.search_trees import Explored
-from service.endpoints.attached_objects import robot_in_scene
+from service.endpoints.attached_objects import RobotInScene, robot_in_scene
 from service.endpoints.ik.task import ik
 from service.endpoints.plan.task import question
 from service.endpoints.plans.stop import known_witnesses
@@ -44,11 +44,10 @@ from service.endpoints.plans.view_stages import (
     task_cell,
     task_parts,
     task_shown,
-    task_start,
-    tour_cell,
     tour_parts,
     tour_shown,
 )
+from service.endpoints.tours.task import tour_cell
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
@@ -127,15 +126,16 @@ def of_plan(kept: Kept, body: PlanRequest) -> Iterator[Configuration]:
         yield Configuration("nearest valid configuration", nearest["joints"], "valid", words)
 
 
-def of_task(kept: Kept, body: TaskRequest) -> Iterator[Configuration]:
+def of_task(kept: Kept, body: TaskRequest, start: Sequence[float]) -> Iterator[Configuration]:
     """The start, and one configuration of each alternative that was tried, with its reasons.
 
     Args:
         kept: The kept task.
         body: Request of the plan.
+        start: Configuration that the task begins at [rad or m].
     """
     stage, detail = kept.problem.get("stage"), str(kept.problem["detail"])
-    yield _end("start", task_start(kept.robot, body), detail if stage == "start" else None)
+    yield _end("start", start, detail if stage == "start" else None)
     tried = _trials(kept)
     for trial in tried:
         if trial.get("joints"):
@@ -348,20 +348,34 @@ def _legs(parts: Sequence[Part], legs: Sequence[Mapping[str, Any]]) -> Iterator[
 
 def _motion(robot: Reference, scene: Reference | None, kept: KeptMotion) -> ProgramPart:
     """The motion of a plan or proof."""
-    geometry = worker_cache.robot(robot).geometry
-    body: PlanRequest | ValidateRequest
     if kept.operation == "POST /v1/plan":
-        body = with_states(PlanRequest.model_validate(kept.request), geometry.states)
-        start = first_configuration(geometry.chain, body.start.joints)
-        motion, _ = trajectories.answered_trajectory(kept.answer["trajectory"], geometry.chain)
+        _, cell = _plan_cell(robot, scene, kept.request)
+        motion, _ = trajectories.answered_trajectory(kept.answer["trajectory"], cell.robot.chain)
         premises = Premises.of_fields(kept.answer["certificate"]["premises"])
     else:
-        body = ValidateRequest.model_validate(kept.request)
-        motion, _ = trajectories.trajectory(body.trajectory, geometry.chain)
-        start, premises = motion.start, Premises.of_fields(kept.answer["premises"])
-    cell = robot_in_scene(robot, scene, body, start)
+        motion, cell = _proof_cell(robot, scene, kept.request)
+        premises = Premises.of_fields(kept.answer["premises"])
     place = Place(cell.robot, cell.scene, premises.margin)
     return ProgramPart("motion", "plan", motion, place, premises=premises)
+
+
+def _plan_cell(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any]
+) -> tuple[PlanRequest, RobotInScene]:
+    """A request for a plan with the joints of its states, and the robot in its scene."""
+    geometry = worker_cache.robot(robot).geometry
+    body = with_states(PlanRequest.model_validate(request), geometry.states)
+    start = first_configuration(geometry.chain, body.start.joints)
+    return body, robot_in_scene(robot, scene, body, start)
+
+
+def _proof_cell(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any]
+) -> tuple[Trajectory, RobotInScene]:
+    """The motion of a request for a proof, and the robot in its scene."""
+    body = ValidateRequest.model_validate(request)
+    motion, _ = trajectories.trajectory(body.trajectory, worker_cache.chain(robot))
+    return motion, robot_in_scene(robot, scene, body, motion.start)
 
 
 #: Configurations that one page shows.
@@ -498,12 +512,9 @@ def _explored(kept: Kept, operation: str) -> Explored:
 
 
 def _of_plan(kept: Kept) -> Shown:
-    geometry = worker_cache.robot(kept.robot).geometry
-    body = with_states(PlanRequest.model_validate(kept.request), geometry.states)
-    chain = geometry.chain
-    start = first_configuration(chain, body.start.joints)
-    cell = robot_in_scene(kept.robot, kept.scene, body, start)
+    body, cell = _plan_cell(kept.robot, kept.scene, kept.request)
     if kept.answer:
+        chain = cell.robot.chain
         motion, _ = trajectories.answered_trajectory(kept.answer["trajectory"], chain)
         sentences = [
             f"Planned by {kept.answer['planner']}: {motion.duration:.3f} s.",
@@ -515,10 +526,7 @@ def _of_plan(kept: Kept) -> Shown:
 
 
 def _of_validate(kept: Kept) -> Shown:
-    body = ValidateRequest.model_validate(kept.request)
-    chain = worker_cache.chain(kept.robot)
-    motion, _ = trajectories.trajectory(body.trajectory, chain)
-    cell = robot_in_scene(kept.robot, kept.scene, body, motion.start)
+    motion, cell = _proof_cell(kept.robot, kept.scene, kept.request)
     sentences = certificate_sentences(kept.answer) if kept.answer else []
     return Shown(cell, motion, [], sentences, {})
 
@@ -527,8 +535,8 @@ def _of_task(kept: Kept) -> Shown:
     if kept.answer:
         return task_shown(kept.robot, kept.scene, kept.request, kept.answer)
     body = TaskRequest.model_validate(kept.request)
-    cell = task_cell(kept.robot, kept.scene, body)
-    shown = [*of_task(kept, body)]
+    cell, start = task_cell(kept.robot, kept.scene, body)
+    shown = [*of_task(kept, body, start)]
     return Shown(cell, None, shown, untried(kept), {})
 
 
@@ -536,8 +544,8 @@ def _of_tour(kept: Kept) -> Shown:
     if kept.answer:
         return tour_shown(kept.robot, kept.scene, kept.request, kept.answer)
     body = TourRequest.model_validate(kept.request)
-    shown = [*of_tour(kept, body)]
-    return Shown(tour_cell(kept.robot, kept.scene, body), None, shown, [], {})
+    cell, _ = tour_cell(kept.robot, kept.scene, body)
+    return Shown(cell, None, [*of_tour(kept, body)], [], {})
 
 
 def _of_check(kept: Kept) -> Shown:

@@ -3,33 +3,25 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.plans.tour import TourRequest
 from kinematics.trajectory.trajectory import Trajectory
-from kinematics.tree.srdf import state
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
-from service.endpoints.attached_objects import (
-    RobotInScene,
-    attach,
-    requested_scene,
-    robot_in_scene,
-)
+from service.endpoints.attached_objects import RobotInScene, attach
 from service.endpoints.tasks.stage_cells import (
     StageCell,
     moved,
     robot_with_tip,
     stage_cells,
+    task_ground,
     task_objects,
     told_transform,
 )
-from service.storage.caches import worker_cache
+from service.endpoints.tours.task import tour_cell
 from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
-from service.translate.frames import configuration
 from service.viewer.document import Carrier, Configuration, carrier_document
 from service.viewer.timeline import Part, finger_tracks, joined, joined_curves, marks
 from service.viewer.words import proof_words, stage_label, task_sentences
@@ -111,9 +103,7 @@ def _task_world(
 ) -> tuple[TaskRequest, RobotGeometry, Scene]:
     """The request of a task, its robot, and its scene with what stands elsewhere by now."""
     body = TaskRequest.model_validate(request)
-    geometry = worker_cache.robot(robot).geometry
-    start = np.array(task_start(robot, body))
-    around = requested_scene(scene, body, geometry.chain, start)
+    geometry, _, around = task_ground(robot, scene, body)
     return body, geometry, task_objects(geometry, around, body)
 
 
@@ -138,7 +128,7 @@ def tour_shown(
         answer: Answer with the legs.
     """
     body = TourRequest.model_validate(request)
-    cell = tour_cell(robot, scene, body)
+    cell, _ = tour_cell(robot, scene, body)
     parts = _legs(cell, answer)
     return Shown(
         cell,
@@ -161,7 +151,7 @@ def tour_parts(
         request: The body.
         answer: Answer with the legs.
     """
-    return _legs(tour_cell(robot, scene, TourRequest.model_validate(request)), answer)
+    return _legs(tour_cell(robot, scene, TourRequest.model_validate(request))[0], answer)
 
 
 def _legs(cell: RobotInScene, answer: Mapping[str, Any]) -> list[Part]:
@@ -179,47 +169,20 @@ def _legs(cell: RobotInScene, answer: Mapping[str, Any]) -> list[Part]:
     ]
 
 
-def tour_cell(robot: Reference, scene: Reference | None, body: TourRequest) -> RobotInScene:
-    """The robot of a tour in its scene.
+def task_cell(
+    robot: Reference, scene: Reference | None, body: TaskRequest
+) -> tuple[RobotInScene, list[float]]:
+    """The robot of a task in its scene at the start, and its configuration then [rad or m].
 
     Args:
         robot: The robot.
         scene: The stored scene, where the request names one.
         body: The request.
     """
-    geometry = worker_cache.robot(robot).geometry
-    start = None
-    if body.start is not None:
-        start = configuration(body.start, geometry.chain, geometry.states, "start")
-    return robot_in_scene(robot, scene, body, start)
-
-
-def task_start(robot: Reference, body: TaskRequest) -> list[float]:
-    """The configuration that a task begins at, n values [rad or m].
-
-    Args:
-        robot: The robot.
-        body: The request.
-    """
-    states = worker_cache.robot(robot).geometry.states
-    if body.start.state is not None:
-        return list(state(states, body.start.state, "start.state"))
-    return list(body.start.joints or [])
-
-
-def task_cell(robot: Reference, scene: Reference | None, body: TaskRequest) -> RobotInScene:
-    """The robot of a task in its scene, as they are at the start.
-
-    Args:
-        robot: The robot.
-        scene: The stored scene, where the request names one.
-        body: The request.
-    """
-    geometry = worker_cache.robot(robot).geometry
-    start = np.array(task_start(robot, body))
-    around = requested_scene(scene, body, geometry.chain, start)
+    geometry, start, around = task_ground(robot, scene, body)
     arm = with_fingers(geometry, body.fingers or {})
-    return attach(arm, moved(around, body), body.attached, body.allowed_collisions)
+    cell = attach(arm, moved(around, body), body.attached, body.allowed_collisions)
+    return cell, start.tolist()
 
 
 # --------------------------------------------------------------------------------- the objects

@@ -34,7 +34,7 @@ from service.storage.caches.cache_key import Reference
 from service.translate import certificates, timings, trajectories
 from service.translate.poses import rounding_notes
 from service.workers import current
-from service.workers.result import TaskProblem, timed_out
+from service.workers.result import TaskProblem, overdue
 from service.workers.task import GRACE, task
 
 #: Rows of one answer: at half a kilobyte each, fifty megabytes.
@@ -113,8 +113,8 @@ def simplify(
         deadline=current.deadline(),
     )
     proof = found.certificate
-    if proof is not None and proof.violation is not None and proof.violation.kind == "time":
-        return timed_out("the work was done", "certificate")
+    if (late := overdue(proof)) is not None:
+        return late
     notes = [] if cell is None else [*rounding_notes(body), *cell.notes]
     answer = {
         "status": "success" if proof is None or proof.verified else "unverified",

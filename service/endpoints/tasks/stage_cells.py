@@ -21,10 +21,11 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.tool import PART
 from obstacles.scenes.scene import Scene
 from planning.proof.premises import Premises
-from service.endpoints.attached_objects import RobotInScene, attach, attachment
+from service.endpoints.attached_objects import RobotInScene, attach, attachment, requested_scene
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Mount, Reference
 from service.translate import poses
+from service.translate.frames import configuration
 from service.translate.robots.tools import with_object_tip
 
 
@@ -90,6 +91,24 @@ def _told_pair(item: Mapping[str, Any]) -> AllowedItem:
     if item["overlap"] is None:
         return (item["pair"][0], item["pair"][1])
     return LimitedPair(pair=item["pair"], touch_depth=item["overlap"] + TOUCH_DEPTH)
+
+
+def task_ground(
+    robot: Reference, scene: Reference | None, body: TaskRequest
+) -> tuple[RobotGeometry, Array, Scene]:
+    """The robot of a task alone, the configuration that it begins at, and the scene as it came.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        body: The request.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    alone = worker_cache.robot(robot).geometry
+    start = configuration(body.start, alone.chain, alone.states, "start")
+    return alone, start, requested_scene(scene, body, alone.chain, start)
 
 
 def moved(around: Scene, body: TaskRequest) -> Scene:

@@ -37,7 +37,7 @@ from planning.sequence.search import plan_task
 from planning.sequence.stage import describe_stage
 from planning.sequence.task import Task
 from planning.sequence.world import Held, World
-from service.endpoints.attached_objects import attachment, requested_scene, scene_notes
+from service.endpoints.attached_objects import attachment, scene_notes
 from service.endpoints.plan.task import check_solids, reproducibility
 from service.endpoints.tasks import translation
 from service.endpoints.tasks.regrasp import regrasp_stages
@@ -45,13 +45,12 @@ from service.endpoints.tasks.stage_cells import (
     moved,
     stage_cells,
     stage_robots,
+    task_ground,
     task_objects,
 )
 from service.fields import picked
-from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, problems, timings, trajectories
-from service.translate.frames import configuration
 from service.translate.tool_motions import reference_answer
 from service.workers import current
 from service.workers.answer import in_frame
@@ -83,9 +82,9 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
         ArmwrightError: The request is at fault.
     """
     body = TaskRequest.model_validate_json(content)
-    alone = worker_cache.robot(robot).geometry
-    start = _start(body, alone)
-    around = requested_scene(scene, body, alone.chain, start)
+    if body.start.velocities is not None or body.start.accelerations is not None:
+        raise InvalidOption("a task begins at rest: start has no velocities or accelerations")
+    alone, start, around = task_ground(robot, scene, body)
     geometry = with_fingers(alone, body.fingers or {})
     world = _world(body, geometry, moved(around, body))
     remaining = min(current.deadline().remaining, MAX_TIMEOUT)
@@ -169,12 +168,6 @@ class _Asked(NamedTuple):
     task: Task
     flat: Flats
     body: TaskRequest
-
-
-def _start(body: TaskRequest, robot: RobotGeometry) -> Array:
-    if body.start.velocities is not None or body.start.accelerations is not None:
-        raise InvalidOption("a task begins at rest: start has no velocities or accelerations")
-    return configuration(body.start, robot.chain, robot.states, "start")
 
 
 def _world(body: TaskRequest, robot: RobotGeometry, scene: Scene) -> World:

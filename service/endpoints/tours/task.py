@@ -196,6 +196,22 @@ def _alternative(item: SingleGoal, robot: RobotGeometry, frames: Frames, where: 
     return problems.single_goal(moved, robot.chain, f"{where}.joints")
 
 
+def tour_cell(
+    robot: Reference, scene: Reference | None, body: TourRequest
+) -> tuple[RobotInScene, Array | None]:
+    """The robot of a tour in its scene, and the configuration that it begins at, if it names one.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        body: The request.
+    """
+    geometry, start = worker_cache.robot(robot).geometry, None
+    if body.start is not None:
+        start = configuration(body.start, geometry.chain, geometry.states, "start")
+    return robot_in_scene(robot, scene, body, start), start
+
+
 @task(grace=GRACE)
 def tour(robot: Reference, scene: Reference | None, content: bytes) -> bytes | TaskProblem:
     """Answer a request for a tour.
@@ -209,11 +225,7 @@ def tour(robot: Reference, scene: Reference | None, content: bytes) -> bytes | T
         ArmwrightError: The request is at fault.
     """
     body = TourRequest.model_validate_json(content)
-    geometry = worker_cache.robot(robot).geometry
-    start = None
-    if body.start is not None:
-        start = configuration(body.start, geometry.chain, geometry.states, "start")
-    cell = robot_in_scene(robot, scene, body, start)
+    cell, start = tour_cell(robot, scene, body)
     problem = tour_problem(body, cell, start)
     deadline = current.deadline()
     if deadline.passed:
