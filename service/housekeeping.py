@@ -45,7 +45,7 @@ async def keep_house(settings: Settings, plans: PlanStore) -> None:
     """Do the chores, for ever."""
     release = _memory_release()
     while True:
-        folder, limit = str(settings.prepared_dir), settings.prepared_storage
+        folder, limit = settings.prepared_dir, settings.prepared_storage
         await run_in_threadpool(prepared_files.trim, folder, limit)
         with contextlib.suppress(StorageUnavailable):
             await run_in_threadpool(plans.purge, time.time(), retention(settings))

@@ -138,20 +138,15 @@ class Settings(BaseSettings):
         """Origins whose pages may ask."""
         return _parts(self.cors_origins)
 
-    @property
-    def prepared_dir(self) -> Path:
+    @cached_property
+    def prepared_dir(self) -> str:
         """Folder of prepared robots and scenes."""
-        return prepared_folder_of(self.data_dir)
+        return str(self.data_dir.absolute() / "prepared")
 
     @property
     def storage_url(self) -> str:
         """The database URL, in the data folder unless one was given."""
         return self.database_url or f"sqlite:///{self.data_dir.absolute() / 'armwright.db'}"
-
-
-def prepared_folder_of(data_dir: Path) -> Path:
-    """Folder of prepared robots and scenes in a data folder."""
-    return data_dir.absolute() / "prepared"
 
 
 def _parts(text: str) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ import hashlib
 import json
 import logging
 import re
-import secrets
 import time
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -32,6 +31,7 @@ from service.http.state import (
     USED_REFERENCES,
     Replay,
     job_context,
+    new_id,
     retention,
     settings_of,
     store_of,
@@ -113,11 +113,6 @@ async def answer_and_keep(
     )
 
 
-def new_plan_id() -> str:
-    """The id of a new kept plan: later ones sort after earlier ones, and none can be guessed."""
-    return f"{int(1000 * time.time()):012x}{secrets.token_hex(10)}"
-
-
 def named_robot(path: str, body: Mapping[str, Any]) -> str | None:
     """The robot that a request names, in its path or its body."""
     named = _IK_ROBOT.match(path)
@@ -170,7 +165,7 @@ def _record(request: Request, content: PlanContent, outcome: _Outcome) -> PlanRe
     body: dict[str, Any] = json.loads(content.request)
     robot_name = named_robot(request.url.path, body)
     return PlanRecord(
-        id=new_plan_id(),
+        id=new_id(),
         method=request.method,
         path=request.url.path,
         status=outcome.status,

@@ -199,18 +199,27 @@ def _type_descriptions(field: Schema, schemas: dict[str, Schema]) -> list[str]:
     return [text.partition("\n")[0] for text in texts]
 
 
-def bound_timeouts(schemas: dict[str, Schema], longest: float) -> None:
-    """Publish the longest timeout that the service allows.
+def bound_timeouts(document: Schema, longest: float) -> None:
+    """Publish the longest timeout that the service allows, in bodies and in parameters.
 
     Args:
-        schemas: Schemas by name, as the document has them; their fields are changed.
+        document: The OpenAPI document; fields and parameters are changed.
         longest: The longest timeout [s].
     """
-    for schema in schemas.values():
-        timeout = schema.get("properties", {}).get("timeout", {})
+    schemas = document["components"]["schemas"].values()
+    timeouts = [schema.get("properties", {}).get("timeout", {}) for schema in schemas]
+    timeouts += [one["schema"] for one in _parameters(document) if one["name"] == "timeout"]
+    for timeout in timeouts:
         for form in (timeout, *timeout.get("anyOf", ())):
             if "maximum" in form:
                 form["maximum"] = min(form["maximum"], longest)
+
+
+def _parameters(document: Schema) -> Iterator[Schema]:
+    """Parameters of all operations."""
+    for operations in document["paths"].values():
+        for operation in operations.values():
+            yield from operation.get("parameters", ())
 
 
 def close_maps(schema: Any) -> None:
@@ -227,21 +236,6 @@ def close_maps(schema: Any) -> None:
     elif isinstance(schema, list):
         for inner in schema:
             close_maps(inner)
-
-
-def bound_timeout_parameters(paths: dict[str, Schema], longest: float) -> None:
-    """Publish the longest timeout that the service allows in parameters.
-
-    Args:
-        paths: Operations by path and method, as the document has them; parameters are changed.
-        longest: The longest timeout [s].
-    """
-    for operations in paths.values():
-        for operation in operations.values():
-            for parameter in operation.get("parameters", ()):
-                if parameter["name"] == "timeout":
-                    form = parameter["schema"]
-                    bound_timeouts({"": {"properties": {"timeout": form}}}, longest)
 
 
 def describe_parameters(paths: dict[str, Schema]) -> None:
@@ -348,9 +342,7 @@ def install(app: FastAPI) -> None:
                 schemas |= {**more.pop("$defs"), model.__name__: more} | schemas
             describe_planner_options(schemas)
             describe_fields(schemas)
-            longest = app.state.settings.max_timeout
-            bound_timeouts(schemas, longest)
-            bound_timeout_parameters(schema["paths"], longest)
+            bound_timeouts(schema, app.state.settings.max_timeout)
             describe_parameters(schema["paths"])
             for path in schema["paths"].values():
                 for method in _COMPUTING & path.keys():

@@ -1,14 +1,14 @@
 """State of the running application, and of requests that belong to jobs or replays, typed."""
 
+import secrets
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
 
 from fastapi import Request
 
 from service.access.authentication import ANYONE, Caller, caller_of
-from service.settings import Settings, prepared_folder_of
+from service.settings import Settings
 from service.storage.caches.cache_key import Reference
 from service.storage.caches.recent import Recent
 from service.storage.robot_repository import KeptDocuments, RobotRepository
@@ -37,6 +37,11 @@ class Replay:
 
     plan_id: str
     pinned: tuple[Reference, ...] = ()
+
+
+def new_id() -> str:
+    """The id of a new job or kept plan: later ones sort after earlier ones; none can be guessed."""
+    return f"{int(1000 * time.time()):012x}{secrets.token_hex(10)}"
 
 
 def note_reference(request: Request, reference: Reference) -> None:
@@ -94,12 +99,7 @@ def supervisor_of(request: Request) -> WorkerSupervisor:
 
 def prepared_folder(request: Request) -> str:
     """Folder of prepared robots and scenes."""
-    return _folder_name(settings_of(request).data_dir)
-
-
-@lru_cache(16)
-def _folder_name(data_dir: Path) -> str:
-    return str(prepared_folder_of(data_dir))
+    return settings_of(request).prepared_dir
 
 
 #: Key in the scope of a request that is only checked: would it be accepted as a job?

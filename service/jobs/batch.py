@@ -171,7 +171,7 @@ class Batch:
 
     async def _split(self) -> None:
         """Have a worker take the request apart, and build a scene that all problems share."""
-        folder, name = str(self._settings.prepared_dir), f"batch-{self._context.id}"
+        folder, name = self._settings.prepared_dir, f"batch-{self._context.id}"
         content = await self._request.body()
         self._batch = await answers.build(self._request, split.job(content, folder, name))
         if self._batch.scene_hash is not None:

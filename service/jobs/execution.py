@@ -9,7 +9,6 @@ A job that has not ended yet: where it stands, and the stream of its events.
 import asyncio
 import contextlib
 import logging
-import secrets
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator
@@ -23,7 +22,7 @@ from starlette.types import ASGIApp
 from service.access.authentication import Caller
 from service.fields import picked
 from service.http.errors import PROBLEM_MEDIA_TYPE, problem_content, status_of
-from service.http.state import JobContext
+from service.http.state import JobContext, new_id
 from service.jobs.replay import Replayed, replay
 from service.settings import Settings
 from service.storage.database import StorageUnavailable
@@ -46,15 +45,12 @@ MAX_ATTEMPTS = 2
 
 def new_record(request: StoredRequest, caller: Caller) -> JobRecord:
     """The record of a new job of a caller, which waits."""
-    # Twelve digits of time let later jobs sort after earlier ones; the rest can't be guessed.
-    now = time.time()
-    job_id = f"{int(1000 * now):012x}{secrets.token_hex(10)}"
     return JobRecord(
-        job_id,
+        new_id(),
         request.method,
         request.path,
         "queued",
-        created=now,
+        created=time.time(),
         tenant=caller.tenant,
         api_key=caller.api_key,
     )

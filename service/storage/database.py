@@ -33,7 +33,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 
 from compiled.kept_file import make_private
-from service.storage.tables import REVISIONS
+from service.storage.tables import REVISIONS, upgrade
 from service.validation import ProblemError
 
 #: `user_version` of SQLite files: 1 before there were migrations, and 2 since, so that versions of
@@ -86,8 +86,6 @@ def migrate(engine: Engine) -> None:
             connection.exec_driver_sql(f"SET LOCAL lock_timeout = {_MIGRATION_TIMEOUT}")
             connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_MIGRATION_LOCK})")
         if (present := _revision(connection)) != REVISIONS[-1]:
-            from service.storage.tables import upgrade  # noqa: PLC0415  (0.1 s: not each start)
-
             upgrade(connection, present)
         if engine.dialect.name == "sqlite":
             connection.exec_driver_sql(f"PRAGMA user_version = {_WITH_MIGRATIONS}")

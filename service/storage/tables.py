@@ -33,8 +33,6 @@ from sqlalchemy import (
 )
 from sqlalchemy.schema import SchemaItem
 
-#: Revisions of the schema, the oldest first: the names of the migrations.
-REVISIONS = ("0001", "0002", "0003", "0004", "0005", "0006", "0007", "0008")
 METADATA = MetaData()
 _EVERY = true()
 #: Whose robots, scenes and jobs those are that came without an API key.
@@ -351,14 +349,12 @@ def _proofs(op: Operations) -> None:
     op.add_column("plans", _proved())
 
 
-#: Migrations by the revision that each leads to.
+#: Migrations by the revision that each leads to, the oldest first.
 MIGRATIONS: dict[str, Callable[[Operations], None]] = {
-    "0001": _first_tables,
-    "0002": _tenants,
-    "0003": _sharing,
-    "0004": _keys,
-    "0005": _attempts,
-    "0006": _kept,
-    "0007": _agents,
-    "0008": _proofs,
+    f"{number:04}": lead
+    for number, lead in enumerate(
+        (_first_tables, _tenants, _sharing, _keys, _attempts, _kept, _agents, _proofs), start=1
+    )
 }
+#: Revisions of the schema, the oldest first.
+REVISIONS = tuple(MIGRATIONS)

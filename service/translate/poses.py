@@ -21,7 +21,17 @@ from obstacles.scenes.moveit import scene_from_moveit
 from obstacles.scenes.placement import in_frame, with_objects
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes import shape as shapes
+from service.fields import shared
 from service.translate.contacts import contacts
+
+#: Shapes of the domain whose fields are those of a request.
+_SHAPES: dict[Any, Any] = {scene_schema.Halfspace: shapes.HalfSpace} | {
+    getattr(scene_schema, kind.__name__): kind
+    for kind in (
+        *(shapes.Box, shapes.Sphere, shapes.Cylinder, shapes.Capsule),
+        *(shapes.Cone, shapes.Convex, shapes.PointCloud),
+    )
+}
 
 
 def transform(pose: pose_schema.Pose) -> Array:
@@ -110,26 +120,11 @@ def shape(body: scene_schema.Shape) -> shapes.Shape:
     Raises:
         InvalidScene: The shape is degenerate, or the mesh file can't be read.
     """
-    made: shapes.Shape
-    match body:
-        case scene_schema.Box():
-            made = shapes.Box(np.array(body.size))
-        case scene_schema.Sphere():
-            made = shapes.Sphere(body.radius)
-        case scene_schema.Cylinder():
-            made = shapes.Cylinder(body.radius, body.height)
-        case scene_schema.Capsule():
-            made = shapes.Capsule(body.radius, body.height)
-        case scene_schema.Cone():
-            made = shapes.Cone(body.radius, body.height)
-        case scene_schema.Halfspace():
-            made = shapes.HalfSpace(np.array(body.normal), body.offset)
-        case scene_schema.Convex():
-            made = shapes.Convex(np.array(body.vertices))
-        case scene_schema.PointCloud():
-            made = shapes.PointCloud(np.array(body.points), body.radius)
-        case scene_schema.Mesh():
-            made = _mesh(body)
+    if isinstance(body, scene_schema.Mesh):
+        return _mesh(body)
+    kind = _SHAPES[type(body)]
+    given = shared(body, kind).items()
+    made: shapes.Shape = kind(**{n: np.array(x) if isinstance(x, list) else x for n, x in given})
     return made
 
 

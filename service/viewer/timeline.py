@@ -7,7 +7,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.pose import inverse
-from kinematics.trajectory.trajectory import Trajectory, concatenate
+from kinematics.trajectory.trajectory import Trajectory, concatenate, stay
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from service.viewer.curves import (
@@ -62,11 +62,11 @@ def joined(parts: Sequence[Part], duration: float) -> Trajectory:
     time = 0.0
     for part in parts:
         if part.begins - time > _GAP:
-            motions.append(_stay(part.motion, part.motion.start, part.begins - time))
+            motions.append(stay(part.motion.joint_names, part.motion.start, part.begins - time))
         motions.append(part.motion)
         time = part.begins + part.motion.duration
     if duration - time > _GAP:
-        motions.append(_stay(parts[-1].motion, parts[-1].motion.end, duration - time))
+        motions.append(stay(parts[-1].motion.joint_names, parts[-1].motion.end, duration - time))
     return concatenate(motions)
 
 
@@ -161,7 +161,3 @@ def _shifted(curve: dict[str, Any], own: dict[str, Any], begin: float) -> dict[s
     """A curve with another behind it."""
     own = own | {"times": [begin + time for time in own["times"]]}
     return {k: [*v, *own[k]] if isinstance(v, list) else v for k, v in curve.items()}
-
-
-def _stay(motion: Trajectory, q: Array, duration: float) -> Trajectory:
-    return Trajectory(motion.joint_names, np.array([0.0, duration]), q.reshape(1, -1, 1))

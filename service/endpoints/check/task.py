@@ -1,6 +1,5 @@
 """Collision checks and projections as requests ask for them, in workers."""
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,9 @@ from obstacles.projection.fcl_projection import FclProjector
 from obstacles.projection.projection import Projector
 from obstacles.scenes.placement import only_frame
 from obstacles.scenes.scene import Pair
-from planning.configuration_check import ConfigurationReport, configuration_checker
+from planning.configuration_check import configuration_checker
 from service.endpoints.attached_objects import robot_in_scene
+from service.fields import picked
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate.contacts import allowed_answer
@@ -29,6 +29,8 @@ from service.workers.task import GRACE, task
 _MAX_PROJECTIONS = 1_000_000
 #: Of one answer by FCL: at 30 microseconds each, some seconds.
 _MAX_FCL_PROJECTIONS = 100_000
+#: Fields of the verdict on one configuration.
+_VERDICT = ("valid", "clearance", "clearance_pair", "collisions", "limit_violations")
 
 
 @task(grace=GRACE)
@@ -54,7 +56,7 @@ def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | 
         if deadline.sooner_than(longest):
             return _late(len(verdicts), len(rows), depth=body.depth)
         remaining = deadline.remaining
-        verdicts.append(_verdict(look(q)))
+        verdicts.append(picked(look(q), *_VERDICT))
         if meter is not None:
             depths.append(meter.depths(q))
         longest = max(longest, remaining - deadline.remaining)
@@ -75,17 +77,6 @@ def _late(done: int, count: int, *, depth: bool) -> TaskProblem:
         f"Allow more time with the field timeout, send fewer at once{instead}.",
         {"stage": "check", "checked": done},
     )
-
-
-def _verdict(report: ConfigurationReport) -> dict[str, Any]:
-    pair = report.clearance_pair
-    return {
-        "valid": report.valid,
-        "clearance": report.clearance,
-        "clearance_pair": None if pair is None else list(pair),
-        "collisions": [{"pair": list(c.pair), "depth": c.depth} for c in report.collisions],
-        "limit_violations": [asdict(violation) for violation in report.limit_violations],
-    }
 
 
 @task

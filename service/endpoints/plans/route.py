@@ -39,8 +39,8 @@ from service.endpoints.plans.replay import pinned_references, replay_plan, repla
 from service.fields import picked
 from service.http import answers
 from service.http.json_route import json_router
-from service.http.keeping import answer_digest, compared, named_robot, new_plan_id, states_proof
-from service.http.state import REPLAY, Replay, retention, settings_of, store_of
+from service.http.keeping import answer_digest, compared, named_robot, states_proof
+from service.http.state import REPLAY, Replay, new_id, retention, settings_of, store_of
 from service.storage.caches.cache_key import Reference
 from service.storage.caches.prepared_files import document_hash
 from service.storage.stores.plan_store import PlanContent, PlanRecord, PlanStore
@@ -208,7 +208,7 @@ async def import_plan(body: Bundle, request: Request) -> Response:
     robot_hash, scene_hash = (None if c is None else document_hash(c) for c in contents)
     caller = caller_of(request.scope)
     record = PlanRecord(
-        id=new_plan_id(),
+        id=new_id(),
         method="POST",
         path=path,
         status=_SUCCEEDED if whole.status == "succeeded" else _FAILED,

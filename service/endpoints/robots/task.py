@@ -137,26 +137,32 @@ def robot_geometry(robot: Reference, name: str, kind: GeometryKind = "collision"
 
 
 def _visual(body: VisualBody) -> BodySurface:
-    return BodySurface(
-        link=body.link,
-        frame=body.link,
-        vertices=packed(body.surface.vertices.astype("<f4")),
-        faces=packed(body.surface.faces.astype("<u4")),
-        simplified=body.simplified,
-        color=None if body.color is None else list(body.color),
-    )
+    color = None if body.color is None else list(body.color)
+    return _in_frame(body, body.link, body.link, body.surface.vertices, color)
 
 
 def _surface(chain: Chain, body: Body) -> BodySurface:
     link = _frame_link(chain, body)
     T = inverse(link.T_joint_link)
     vertices = body.surface.vertices @ T[:3, :3].T + T[:3, 3]
+    return _in_frame(body, body.name, link.name, vertices)
+
+
+def _in_frame(
+    body: Body | VisualBody,
+    link: str,
+    frame: str,
+    vertices: Array,
+    color: list[float] | None = None,
+) -> BodySurface:
+    """The surface of a body of a link, its vertices in a frame."""
     return BodySurface(
-        link=body.name,
-        frame=link.name,
+        link=link,
+        frame=frame,
         vertices=packed(vertices.astype("<f4")),
         faces=packed(body.surface.faces.astype("<u4")),
         simplified=body.simplified,
+        color=color,
     )
 
 

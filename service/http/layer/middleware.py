@@ -8,6 +8,7 @@ problem document, with the same headers as all answers.
 import asyncio
 import logging
 import time
+from contextlib import nullcontext
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
@@ -276,10 +277,7 @@ class ServiceMiddleware:
                 return {"type": "http.request", "body": unread.pop(), "more_body": False}
             return await receive()  # what remains to come is the disconnection, whenever that is
 
-        if admission is None:
-            await self._encoded(scope)(scope, receive_stored, send)
-            return
-        async with admission.admitted(scope, unread[0]):
+        async with nullcontext() if admission is None else admission.admitted(scope, unread[0]):
             await self._encoded(scope)(scope, receive_stored, send)
 
     def _encoded(self, scope: Scope) -> ASGIApp:

@@ -10,6 +10,7 @@ import sys
 from dataclasses import dataclass, fields
 from functools import cache, cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -125,11 +126,7 @@ def read_visuals(reference: Reference) -> VisualGeometry:
     Raises:
         NotPrepared: There is no usable file.
     """
-    (packed,) = _read_entry(visual_file(reference), reference)
-    try:
-        visuals: VisualGeometry = pickle.loads(packed)
-    except Exception:  # noqa: BLE001  written by this version and yet unreadable: built anew
-        raise NotPrepared(reference) from None
+    visuals: VisualGeometry = _unpickled(visual_file(reference), reference)[0]
     return visuals
 
 
@@ -156,12 +153,16 @@ def read_scene_and_size(reference: Reference) -> tuple[Scene, int]:
     Raises:
         NotPrepared: There is no usable file.
     """
-    (packed,) = _read_entry(prepared_file(reference), reference)
+    return _unpickled(prepared_file(reference), reference)
+
+
+def _unpickled(file: Path, reference: Reference) -> tuple[Any, int]:
+    """The one value of a file, and how many bytes its pickle has."""
+    (packed,) = _read_entry(file, reference)
     try:
-        scene: Scene = pickle.loads(packed)
+        return pickle.loads(packed), len(packed)
     except Exception:  # noqa: BLE001  written by this version and yet unreadable: built anew
         raise NotPrepared(reference) from None
-    return scene, len(packed)
 
 
 def _read_entry(file: Path, reference: Reference) -> tuple[bytes, ...]:
