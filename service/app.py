@@ -38,7 +38,6 @@ from service.tracing.extra import install_tracing, open_tracing
 from service.version import VERSION
 from service.workers.fork.launch import Launched
 from service.workers.process import WorkerLimits
-from service.workers.result import RobotModel
 from service.workers.supervisor import WorkerSupervisor
 
 if TYPE_CHECKING:
@@ -100,7 +99,7 @@ def create_app(
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.store = await run_in_threadpool(open_store, chosen.storage_url, exclusive=True)
-        app.state.models = Recent(_MODELS, _MODEL_BYTES, _model_bytes)
+        app.state.models = Recent(_MODELS, _MODEL_BYTES, lambda model: len(model.answer))
         app.state.authenticator = Authenticator(app.state.store.keys)
         supervisor = WorkerSupervisor(
             chosen.workers,
@@ -181,7 +180,3 @@ def _jobs(app: FastAPI, settings: Settings, is_agent: bool) -> Jobs:
         return Jobs(app, store, settings)
     is_agent = is_agent or settings.jobs == "both"
     return AgentJobs(app, store, settings, app.state.supervisor, is_agent=is_agent)
-
-
-def _model_bytes(model: RobotModel) -> int:
-    return len(model.answer)

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Annotated, Any, TypeVar
 
 from fastapi import Query, Request, Response
+from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
 from service.http.answers import json_answer
@@ -40,7 +41,11 @@ def page(
 
 
 async def create(
-    request: Request, kind: str, name: str, content: bytes, answer: Callable[[Record], bytes]
+    request: Request,
+    kind: str,
+    name: str,
+    content: bytes,
+    answer: Callable[[Record], BaseModel | bytes],
 ) -> Response:
     """Response to a request that stores a new document, kept with it for its idempotency key.
 
@@ -49,7 +54,7 @@ async def create(
         kind: Kind of document.
         name: Name of the document.
         content: Content of the document.
-        answer: Answer that tells of it, JSON.
+        answer: Answer that tells of it, a model or JSON.
 
     Raises:
         ProblemError: CONFLICT, the name is taken; QUOTA_EXCEEDED.
@@ -57,7 +62,9 @@ async def create(
 
     def created(record: Record) -> Response:
         headers = {"Location": f"/v1/{kind}s/{record.name}"}
-        return Response(answer(record), 201, headers, "application/json")
+        made = answer(record)
+        content = made if isinstance(made, bytes) else made.model_dump_json()
+        return Response(content, 201, headers, "application/json")
 
     told = kept_answer(request, created)
     documents = documents_of(request)

@@ -4,7 +4,6 @@ from typing import Any
 
 from fastapi import Request, Response
 from pydantic_core import to_json
-from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.motions.export import ExportAnswer, ExportRequest
 from armwright_wire.motions.retime import (
@@ -36,13 +35,12 @@ from armwright_wire.robots.potential import PotentialAnswer, PotentialRequest
 from armwright_wire.robots.reach import ReachAnswer, ReachRequest
 from armwright_wire.scenes.check import CheckAnswer, CheckRequest
 from service import task_references as tasks
-from service.access.authentication import caller_of
 from service.endpoints.plans.replay import pinned_references
 from service.http import answers
 from service.http.answers import json_answer, of_robot
 from service.http.compute import compute
 from service.http.json_route import json_router
-from service.http.state import REPLAY, Replay, store_of
+from service.http.state import REPLAY, Replay, kept_plan
 from service.validation import parse_json, validate_as
 from service.workers.result import ChainTask
 
@@ -191,8 +189,7 @@ async def export(body: ExportRequest, request: Request) -> Response:
 
 async def _kept_motion(request: Request, plan_id: str) -> dict[str, Any]:
     """The request and answer of a kept plan, its robot and scene pinned as they were."""
-    tenant = caller_of(request.scope).tenant
-    record, kept = await run_in_threadpool(store_of(request).plans.get, plan_id, tenant)
+    record, kept = await kept_plan(request, plan_id)
     request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
     told = {"request": parse_json(kept.request), "answer": parse_json(kept.answer)}
     return {"operation": f"{record.method} {record.path}", **told}

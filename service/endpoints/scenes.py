@@ -54,7 +54,7 @@ async def project(name: str, _body: ProjectRequest, request: Request) -> Respons
 async def create_scene(body: NamedScene, request: Request) -> Response:
     """Checks the scene and stores it under its name, which must be free."""
     content = await _build_document(request, body.name)
-    return await documents.create(request, _KIND, body.name, content, _created)
+    return await documents.create(request, _KIND, body.name, content, _summary)
 
 
 @router.get("", summary="List scenes")
@@ -76,7 +76,8 @@ async def put_scene(name: str, body: Scene, request: Request, response: Response
     """Checks the scene and stores it under the name in the path; 201 if there was none."""
     documents.check_name(body.name, name)
     validate_as(NamedScene, {"obstacles": [], "name": name})
-    check_precondition(request, _hash(await _prepared_reference(request, name)))
+    before = await _prepared_reference(request, name)
+    check_precondition(request, None if before is None else before.hash)
     content = await _build_document(request, name)
     before = await _prepared_reference(request, name)
     record = await documents.replace(request, response, _KIND, name, content)
@@ -107,14 +108,6 @@ async def _prepared_reference(request: Request, name: str) -> Reference | None:
         return await answers.scene(request, name)
     except ProblemError:
         return None
-
-
-def _hash(reference: Reference | None) -> str | None:
-    return None if reference is None else reference.hash
-
-
-def _created(record: Record) -> bytes:
-    return _summary(record).model_dump_json().encode()
 
 
 def _summary(record: Record) -> SceneSummary:

@@ -1,5 +1,6 @@
 """Tools by name: what robots work with."""
 
+from operator import attrgetter
 from typing import Any
 
 from fastapi import Request, Response
@@ -31,7 +32,7 @@ async def create_tool(body: NamedTool, request: Request) -> Response:
     """
     _check_free(body.name)
     content = await answers.build(request, make_tool.job(await request.body(), body.name))
-    return await documents.create(request, _KIND, body.name, content, _created)
+    return await documents.create(request, _KIND, body.name, content, _summary)
 
 
 @router.get("", summary="List tools")
@@ -39,7 +40,8 @@ async def list_tools(request: Request, after: After = "", limit: Limit = 100) ->
     """Built-in and stored tools by name, page by page."""
     every = [_summary(record) for record in await documents.stored(request, _KIND, after, limit)]
     every += [ToolSummary(name=name, built_in=True) for name in BUILTIN_TOOLS if name > after]
-    tools, following = documents.page(sorted(every, key=_name), limit, _name)
+    every.sort(key=attrgetter("name"))
+    tools, following = documents.page(every, limit, attrgetter("name"))
     return ToolList(tools=tools, next=following)
 
 
@@ -81,14 +83,6 @@ def _check_free(name: str) -> None:
             f"{name!r} is the name of a built-in tool",
             hint='Choose another name; "form" gives it other sizes.',
         )
-
-
-def _created(record: Record) -> bytes:
-    return _summary(record).model_dump_json().encode()
-
-
-def _name(summary: ToolSummary) -> str:
-    return summary.name
 
 
 def _summary(record: Record) -> ToolSummary:

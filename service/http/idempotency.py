@@ -47,7 +47,8 @@ async def answer_once(
     digest = (await run_in_threadpool(hashlib.sha256, body)).hexdigest()
     earlier = await run_in_threadpool(answers.begin, claimed, digest)
     if earlier is not None:
-        return _replay(earlier)
+        headers = earlier.headers | {"idempotency-replayed": "true"}
+        return Response(earlier.body, earlier.status, headers)
     request.scope[_CLAIMED] = claimed
     kept = None
     try:
@@ -88,8 +89,3 @@ def record_of(response: Response) -> Recorded:
     """An answer as it is repeated."""
     headers = {n: response.headers[n] for n in _KEPT_HEADERS if n in response.headers}
     return Recorded(response.status_code, headers, bytes(response.body))
-
-
-def _replay(earlier: Recorded) -> Response:
-    headers = earlier.headers | {"idempotency-replayed": "true"}
-    return Response(earlier.body, earlier.status, headers)

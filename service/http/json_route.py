@@ -88,17 +88,14 @@ class JsonRoute(APIRoute):
     #: Whether requests become jobs without asking for that.
     always_deferred = False
 
-    @property
-    def _takes_json(self) -> bool:
-        field = self.body_field
-        return field is not None and not isinstance(field.field_info, Form)
-
     def get_route_handler(self) -> Handler:
         """The handler of the framework behind the checks of the head and the body."""
         handle = super().get_route_handler()
-        annotation = None if self.body_field is None else self.body_field.field_info.annotation
+        info = None if self.body_field is None else self.body_field.field_info
+        annotation = None if info is None else info.annotation
         model = annotation if _is_model(annotation) else None
-        takes_json, is_kept = self._takes_json, takes_keep(model)
+        takes_json = info is not None and not isinstance(info, Form)
+        is_kept = takes_keep(model)
         known = {parameter.alias for parameter in self.dependant.query_params}
 
         async def handle_json(request: Request) -> Response:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from fastapi import Request
+from starlette.concurrency import run_in_threadpool
 
 from service.access.authentication import ANYONE, Caller, caller_of
 from service.settings import Settings
@@ -15,7 +16,7 @@ from service.storage.robot_repository import KeptDocuments, RobotRepository
 from service.storage.store import Store
 from service.storage.stores.audit_store import Actor
 from service.storage.stores.document_store import DocumentStore
-from service.storage.stores.plan_store import Retention
+from service.storage.stores.plan_store import PlanContent, PlanRecord, Retention
 from service.workers.supervisor import WorkerSupervisor
 
 #: Key in the scope of a request, with the references that it was answered for, by their kind.
@@ -83,6 +84,16 @@ def repository_of(request: Request) -> RobotRepository:
     tenant = caller_of(request.scope).tenant
     kept = KeptDocuments(documents, store_of(request).plans, tenant, replay.pinned)
     return RobotRepository(kept, prepared_folder(request))
+
+
+async def kept_plan(request: Request, plan_id: str) -> tuple[PlanRecord, PlanContent]:
+    """A kept plan of the caller's tenant.
+
+    Raises:
+        ProblemError: NOT_FOUND.
+    """
+    tenant = caller_of(request.scope).tenant
+    return await run_in_threadpool(store_of(request).plans.get, plan_id, tenant)
 
 
 def models_of(request: Request) -> Recent:

@@ -136,12 +136,18 @@ class Jobs(JobExecution):
             ProblemError: As `check_room`; STORAGE_UNAVAILABLE.
         """
         await self.check_room(len(request.body), caller)
-        live = LiveJob(new_record(request, caller), self._deadline(), len(request.body))
-        self._live[live.record.id] = live
+        return await self._begin(new_record(request, caller), request, told)
+
+    async def _begin(
+        self, record: JobRecord, request: StoredRequest, told: KeptAnswer[JobRecord] | None
+    ) -> JobRecord:
+        """Store a new job and queue it; its record as it was accepted."""
+        live = LiveJob(record, self._deadline(), len(request.body))
+        self._live[record.id] = live
         try:
             await run_in_threadpool(self._store.add, live.record, request, told)
         except BaseException:
-            del self._live[live.record.id]
+            del self._live[record.id]
             raise
         live.stored = True
         accepted = live.record
@@ -327,27 +333,13 @@ class AgentJobs(Jobs):
         """Jobs that wait or run on all machines together, and those of a caller among them."""
         return await run_in_threadpool(self._queue.load, caller.api_key)
 
-    async def accept(
-        self,
-        request: StoredRequest,
-        told: KeptAnswer[JobRecord] | None = None,
-        caller: Caller = ANYONE,
+    async def _begin(
+        self, record: JobRecord, request: StoredRequest, told: KeptAnswer[JobRecord] | None
     ) -> JobRecord:
-        """Make a job of a request that was checked, for whichever agent takes it.
-
-        Args:
-            request: The request.
-            told: Answer that the idempotency key of the request stands for from then on.
-            caller: Caller who owns the job.
-
-        Raises:
-            ProblemError: As `check_room`; STORAGE_UNAVAILABLE.
-        """
-        await self.check_room(len(request.body), caller)
-        new = new_record(request, caller)
-        record = dataclasses.replace(new, carrier=AGENTS, event=1)
-        await run_in_threadpool(self._store.add, record, request, told)
-        return record
+        """Store a new job for whichever agent takes it."""
+        stored = dataclasses.replace(record, carrier=AGENTS, event=1)
+        await run_in_threadpool(self._store.add, stored, request, told)
+        return stored
 
     # ------------------------------------------------------------------------------ working
 

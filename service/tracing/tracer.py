@@ -62,7 +62,7 @@ class JobTrace:
 
     def waits(self) -> None:
         """End the span of a worker that was lost, and begin that of another wait."""
-        self._end("lost")
+        self.ends("lost")
         self._span = self._start("queue", self._parent)
 
     def begins(self) -> None:
@@ -85,12 +85,6 @@ class JobTrace:
 
     def ends(self, outcome: str) -> None:
         """End all spans."""
-        self._end(outcome)
-
-    def _start(self, name: str, parent: Context) -> Span:
-        return self._tracer.start_span(name, parent, attributes={"armwright.task": self._task})
-
-    def _end(self, outcome: str) -> None:
         if self._stage is not None:
             self._stage.end()
         self._stage, self._stage_name = None, ""
@@ -98,6 +92,9 @@ class JobTrace:
         if outcome in _OWN_FAULTS:
             self._span.set_status(Status(StatusCode.ERROR, outcome))
         self._span.end()
+
+    def _start(self, name: str, parent: Context) -> Span:
+        return self._tracer.start_span(name, parent, attributes={"armwright.task": self._task})
 
 
 #: Longest time in which a collector must take what it is sent, retries included [s].

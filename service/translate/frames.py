@@ -39,26 +39,34 @@ def with_states(body: PlanRequest, states: Mapping[str, Array]) -> PlanRequest:
     _refuse_plan(body.start)
     changes: dict[str, Any] = {}
     if body.start.state is not None:
-        changes["start"] = _looked_up(body.start, states, "start.state")
+        changes["start"] = with_state(body.start, states, "start")
     goal = body.goal
     if goal.state is not None:
-        changes["goal"] = goal.model_copy(update=_joints(goal.state, states, "goal.state"))
+        changes["goal"] = with_state(goal, states, "goal")
     elif any(item.state is not None for item in goal.any_of or ()):
         items = [
-            item if item.state is None else _looked_up(item, states, f"goal.any_of[{i}].state")
+            with_state(item, states, f"goal.any_of[{i}]")
             for i, item in enumerate(goal.any_of or ())
         ]
         changes["goal"] = goal.model_copy(update={"any_of": items})
     return body.model_copy(update=changes) if changes else body
 
 
-def _looked_up(part: _Part, states: Mapping[str, Array], where: str) -> _Part:
-    assert part.state is not None
-    return part.model_copy(update=_joints(part.state, states, where))
+def with_state(part: _Part, states: Mapping[str, Array], where: str) -> _Part:
+    """A start or goal with the joints of the state that it names, if it names one.
 
+    Args:
+        part: The start or goal.
+        states: States of the robot, by name.
+        where: Place in the request, for messages.
 
-def _joints(name: str, states: Mapping[str, Array], where: str) -> dict[str, Any]:
-    return {"joints": state(states, name, where).tolist(), "state": None}
+    Raises:
+        InvalidRobotState: The robot has no such state.
+    """
+    if part.state is None:
+        return part
+    joints = state(states, part.state, f"{where}.state").tolist()
+    return part.model_copy(update={"joints": joints, "state": None})
 
 
 def configuration(body: Start, chain: Chain, states: Mapping[str, Array], where: str) -> Array:

@@ -15,7 +15,7 @@ from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.retiming.limits_at import Stretch
-from planning.retiming.retimed import PathToTime, Retimed
+from planning.retiming.retimed import PathToTime
 from planning.timing.choice import JERK_RULE
 from planning.timing.jerk.state_to_state import JointState
 from planning.timing.options import Payload, TimingOptions
@@ -177,14 +177,20 @@ def joint_path(body: retime_schema.PathBody, chain: Chain | None) -> tuple[tuple
     """
     rows = equal_rows(body.joints, "path.joints", None if chain is None else chain.n)
     n = len(rows[0])
-    names = _joint_names(body.joint_names, n, chain, "path.")
+    names = joint_names(body.joint_names, n, chain, "path.")
     return names, np.array(rows, dtype=np.float64)
 
 
-def _joint_names(
+def joint_names(
     given: Sequence[str] | None, n: int, chain: Chain | None, where: str
 ) -> tuple[str, ...]:
     """Names of n joints: those of the robot, those given, or numbers.
+
+    Args:
+        given: Names that a request gives.
+        n: Number of the joints.
+        chain: The robot, if there is one.
+        where: Place of the names in the request, for messages.
 
     Raises:
         InvalidTrajectory: Names that do not fit.
@@ -200,16 +206,6 @@ def _joint_names(
     if len(names) != n or len(set(names)) != n:
         raise InvalidTrajectory(f"{where}joint_names must be {n} different names")
     return names
-
-
-def state_joint_names(body: retime_schema.RetimeRequest, chain: Chain | None) -> tuple[str, ...]:
-    """Names of the joints of two states.
-
-    Raises:
-        InvalidTrajectory: Names that do not fit the states or the robot.
-    """
-    assert body.start is not None
-    return _joint_names(body.joint_names, len(body.start.position), chain, "")
 
 
 def joint_state(body: retime_schema.JointStateBody | None, label: str) -> JointState:
@@ -267,20 +263,4 @@ def timing_answer(
         "limits_at": held,
         "lower_bound": least or None,
         "gap": motion.duration / least - 1.0 if least else None,
-    }
-
-
-def retimed_answer(
-    found: Retimed, trajectory: dict[str, Any], certificate: dict[str, Any]
-) -> dict[str, Any]:
-    """A timed path as answers give it."""
-    return {
-        "status": "success" if certificate["verified"] else "unverified",
-        "trajectory": trajectory,
-        "certificate": certificate,
-        "factor": found.factor,
-        "needed_factor": found.needed_factor,
-        "timing": timing_answer(found.timing, found.trajectory, found.begins),
-        "notes": list(found.notes),
-        "peaks": {name: row.tolist() for name, row in found.peaks.items()},
     }

@@ -6,7 +6,7 @@ alone lets all of them in, and spends on parsing them the time that the refusals
 
 import time
 from collections import Counter, OrderedDict, deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from itertools import islice
 
 from service.workers.process import Ticket
@@ -131,24 +131,24 @@ class Durations:
     """
 
     def __init__(self) -> None:
-        self._means: dict[str, dict[int, float]] = {}
-        self._spreads: dict[str, dict[int, float]] = {}
+        # Mean and mean deviation by the bits of a size, those of all sizes at 0.
+        self._known: dict[str, dict[int, tuple[float, float]]] = {}
 
     def note(self, task: str, seconds: float, size: int = 0) -> None:
         """Note how long a job of a task took [s], of a request of a size [byte]."""
-        means, spreads = self._means.setdefault(task, {}), self._spreads.setdefault(task, {})
+        known = self._known.setdefault(task, {})
         for bits in {0, size.bit_length()}:
-            mean, spread = means.get(bits, seconds), spreads.get(bits, 0.0)
-            means[bits] = mean + _MEAN_WEIGHT * (seconds - mean)
-            spreads[bits] = spread + _MEAN_WEIGHT * (abs(seconds - mean) - spread)
+            mean, spread = known.get(bits, (seconds, 0.0))
+            further = _MEAN_WEIGHT * (abs(seconds - mean) - spread)
+            known[bits] = mean + _MEAN_WEIGHT * (seconds - mean), spread + further
 
     def mean(self, task: str, size: int = 0) -> float:
         """The mean duration of a task for requests of a size [byte] [s]."""
-        return _of_size(self._means.get(task, {}), size.bit_length(), _FIRST_MEAN)
+        return self._of_size(task, size)[0]
 
     def spread(self, task: str, size: int = 0) -> float:
         """The mean deviation of the duration of a task from its mean, likewise [s]."""
-        return _of_size(self._spreads.get(task, {}), size.bit_length(), 0.0)
+        return self._of_size(task, size)[1]
 
     def remaining(self, running: Iterable[Ticket], waiting: Iterable[Ticket]) -> float:
         """Time that jobs still need, all together [s]."""
@@ -156,16 +156,18 @@ class Durations:
         rest = sum(max(self.mean(t.job.task, t.job.size) - (now - t.begun), 0.0) for t in running)
         return rest + sum(self.mean(ticket.job.task, ticket.job.size) for ticket in waiting)
 
-
-def _of_size(known: Mapping[int, float], bits: int, unknown: float) -> float:
-    """The value of a size, or that of the nearest size that is known; 0 bits for all sizes."""
-    if not known:
-        return unknown
-    if bits in known:
-        return known[bits]
-    sizes = [size for size in known if size] or [0]
-    nearest = min(sizes, key=lambda size: abs(size - bits))
-    return known[nearest] * 2.0 ** min(bits - nearest, 0)
+    def _of_size(self, task: str, size: int) -> tuple[float, float]:
+        """Mean and deviation of a size, or those of the nearest size that is known."""
+        known, bits = self._known.get(task), size.bit_length()
+        if not known:
+            return _FIRST_MEAN, 0.0
+        if bits in known:
+            return known[bits]
+        sizes = [bits for bits in known if bits] or [0]
+        nearest = min(sizes, key=lambda other: abs(other - bits))
+        mean, spread = known[nearest]
+        share: float = 2.0 ** min(bits - nearest, 0)
+        return mean * share, spread * share
 
 
 class BackgroundShare:

@@ -297,19 +297,15 @@ class SupervisorState:
         waiting = self.waiting + max(self.in_flight.count - queued, 0)
         return self._refusal((task, size), seconds, wait, waiting)
 
-    def _lateness(self, kind: tuple[str, int], seconds: float, wait: float) -> float:
-        """Delay of a job, by the name of its task and the size of its request [byte]."""
-        duration = self.durations.mean(*kind) + self.durations.spread(*kind)
-        late = _CAUTION * wait + duration - seconds
-        return late if wait > 0.0 else 0.0
-
     def _refusal(
         self, kind: tuple[str, int], seconds: float, wait: float, waiting: int
     ) -> QueueFull | None:
-        late, told = self._lateness(kind, seconds, wait), None
+        """The refusal of a job, by the name of its task and the size of its request [byte]."""
+        duration = self.durations.mean(*kind) + self.durations.spread(*kind)
+        late, told = _CAUTION * wait + duration - seconds, None
         if waiting >= self._queue_limit:
             late = self._work(None) / max(waiting, 1)
-        elif late > 0.0:
+        elif late > 0.0 and wait > 0.0:
             told = wait
         else:
             return None

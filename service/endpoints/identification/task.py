@@ -27,6 +27,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from planning.excitation import ExcitationOptions, excite
 from planning.result import Failure
 from service.endpoints.attached_objects import robot_in_scene
+from service.endpoints.plan.task import refusal
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, trajectories
@@ -133,7 +134,7 @@ def excitation(robot: Reference, scene: Reference | None, content: bytes) -> byt
     if isinstance(found, Failure):
         if deadline is not None and deadline.passed:
             return timed_out("an exciting motion was proved", "excitation")
-        return TaskProblem(found.code, found.message, found.hint, {"stage": found.stage})
+        return refusal(found)
     answer = {
         "trajectory": trajectories.trajectory_answer(found.trajectory, body.sample_period),
         "certificate": certificates.certificate_answer(found.certificate, scene=body.scene),

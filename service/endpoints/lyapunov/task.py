@@ -7,9 +7,9 @@ from pydantic_core import to_json
 
 from armwright_wire.robots.lyapunov import LyapunovRequest, PendulumParameters
 from kinematics.errors import InvalidOption
+from service.fields import listed
 from service.workers.task import task
 from tracking.controllers.quadratic_form import (
-    Poles,
     SymmetricForm,
     Verdict,
     form_text,
@@ -131,21 +131,13 @@ def _answer(examined: Any, verdict: str, reason: str, formulas: tuple[str, str])
         "verdict": verdict,
         "reason": reason,
         "lasalle": None,
-        "poles": _poles(examined.poles),
+        "poles": [{"real": p.real, "imaginary": p.imag} for p in examined.poles.tolist()],
         "values": None,
         "rates": None,
         "notes": [],
     }
 
 
-def _poles(poles: Poles) -> list[dict[str, float]]:
-    return [{"real": pole.real, "imaginary": pole.imag} for pole in poles.tolist()]
-
-
 def _form(form: SymmetricForm) -> dict[str, Any]:
-    return {
-        "matrix": form.matrix.tolist(),
-        "minors": form.minors.tolist(),
-        "eigenvalues": form.eigenvalues.tolist(),
-        "definiteness": form.definiteness.value,
-    }
+    arrays = listed(form, "matrix", "minors", "eigenvalues")
+    return arrays | {"definiteness": form.definiteness.value}

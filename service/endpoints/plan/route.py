@@ -8,11 +8,10 @@ from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.plans.plan import PlanAnswer, PlanRequest, ValidateRequest
-from service.access.authentication import caller_of
 from service.http import answers
 from service.http.json_route import json_router
 from service.http.metrics import Metrics
-from service.http.state import store_of
+from service.http.state import kept_plan
 from service.task_references import plan as plan_task
 from service.task_references import validate as validate_task
 from service.validation import ProblemError
@@ -28,7 +27,8 @@ async def plan(body: PlanRequest, request: Request) -> Response:
     """
     name, left = body.start.plan, None
     if name is not None:
-        left = await run_in_threadpool(_motion, request, name)
+        _, kept = await kept_plan(request, name)
+        left = await run_in_threadpool(_motion, name, kept.answer)
     content, metrics = await request.body(), cast(Metrics, request.app.state.metrics)
     try:
         outcome = await answers.answer(
@@ -51,14 +51,13 @@ async def validate(body: ValidateRequest, request: Request) -> Response:
     return await answers.respond(request, validate_task.job, body.robot, body)
 
 
-def _motion(request: Request, name: str) -> bytes:
-    """The trajectory of a kept plan, JSON.
+def _motion(name: str, content: bytes) -> bytes:
+    """The trajectory of the answer of a kept plan, JSON.
 
     Raises:
-        ProblemError: NOT_FOUND; VALIDATION_ERROR, the plan has no motion.
+        ProblemError: VALIDATION_ERROR, the plan has no motion.
     """
-    tenant = caller_of(request.scope).tenant
-    answer = json.loads(store_of(request).plans.get(name, tenant)[1].answer)
+    answer = json.loads(content)
     motion = answer.get("trajectory") if isinstance(answer, dict) else None
     if not isinstance(motion, dict) or "segments" not in motion:
         raise ProblemError(

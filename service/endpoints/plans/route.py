@@ -40,7 +40,7 @@ from service.fields import picked
 from service.http import answers
 from service.http.json_route import json_router
 from service.http.keeping import answer_digest, compared, named_robot, states_proof
-from service.http.state import REPLAY, Replay, new_id, retention, settings_of, store_of
+from service.http.state import REPLAY, Replay, kept_plan, new_id, retention, settings_of, store_of
 from service.storage.caches.cache_key import Reference
 from service.storage.caches.prepared_files import document_hash
 from service.storage.stores.plan_store import PlanContent, PlanRecord, PlanStore
@@ -241,7 +241,7 @@ async def import_plan(body: Bundle, request: Request) -> Response:
 @router.get("/{id}", summary="Get a kept plan", response_model=KeptPlan)
 async def get_plan(id: str, request: Request) -> Response:  # noqa: A002  (its name in the path)
     """The request, robot and scene by content hash, version, seed, and the answer or problem."""
-    record, content = await _plan(id, request)
+    record, content = await kept_plan(request, id)
     document = plan_document(record, content, settings_of(request).plan_lifetime)
     return Response(document, media_type="application/json")
 
@@ -257,7 +257,7 @@ async def delete_plan(id: str, request: Request) -> Response:  # noqa: A002
 @router.get("/{id}/bundle", summary="Get a kept plan as a file", response_model=Bundle)
 async def get_bundle(id: str, request: Request) -> Response:  # noqa: A002
     """One file with request, robot, scene and answer: POST it to /v1/plans of another service."""
-    record, content = await _plan(id, request)
+    record, content = await kept_plan(request, id)
     whole = await bundle(store_of(request).plans, record, content)
     headers = {"Content-Disposition": f'attachment; filename="armwright-plan-{record.id}.json"'}
     return Response(whole.model_dump_json(), headers=headers, media_type="application/json")
@@ -370,7 +370,7 @@ async def replay(id: str, body: ReplayRequest, request: Request) -> Response:  #
     Robot and scene are those that were kept unless the request says otherwise or changes name
     others. A problem is an answer too: the status is 200 where something was computed.
     """
-    record, content = await _plan(id, request)
+    record, content = await kept_plan(request, id)
     pinned = pinned_references(request, record) if body.documents == "kept" else ()
     again = replayed_body(content, body.changes, body.keep_replay)
     result = await replay_plan(request, record, again, pinned)
@@ -407,7 +407,7 @@ async def _computed(
     timeout: float | None = None,
 ) -> tuple[PlanRecord, bytes]:
     """A kept plan, and the result of a job about it: its robot with its tool, its scene, itself."""
-    record, content = await _plan(plan_id, request)
+    record, content = await kept_plan(request, plan_id)
     document = plan_document(record, content, settings_of(request).plan_lifetime)
     request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
     result = await answers.answer(
@@ -419,8 +419,3 @@ async def _computed(
         timeout=timeout or min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
     )
     return record, result
-
-
-async def _plan(plan_id: str, request: Request) -> tuple[PlanRecord, PlanContent]:
-    tenant = caller_of(request.scope).tenant
-    return await run_in_threadpool(store_of(request).plans.get, plan_id, tenant)

@@ -1,11 +1,13 @@
 """Reach and base placement as requests ask for them, in workers."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from pydantic_core import to_json
 
+from armwright_wire.pose import Pose
 from armwright_wire.robots.reach import JOINTS_UP_TO, MAX_BASES, BaseRegion, ReachRequest
 from kinematics import pose as rotation
 from kinematics.arrays import Array
@@ -109,7 +111,7 @@ def reach(robot: Reference, scene: Reference | None, content: bytes) -> bytes | 
     grid = None if body.box is None else _grid(body)
     if body.format != "json" and (grid is None or grid.shape[3] != 1):
         raise InvalidOption("a picture shows one orientation", hint='Ask for "format": "json".')
-    tasks = _poses(body) if grid is None else grid.poses()
+    tasks = _transforms(body.poses or ()) if grid is None else grid.poses()
     options = ReachOptions(
         reach_tolerance(body.tolerance),
         body.margin,
@@ -154,8 +156,8 @@ def _report(share: float) -> None:
     current.report(share, "reach")
 
 
-def _poses(body: ReachRequest) -> Array:
-    return np.array([poses.transform(pose) for pose in body.poses or ()])
+def _transforms(given: Sequence[Pose]) -> Array:
+    return np.array([poses.transform(pose) for pose in given])
 
 
 def _grid(body: ReachRequest) -> PoseGrid:
@@ -168,7 +170,7 @@ def _grid(body: ReachRequest) -> PoseGrid:
 def _bases(body: ReachRequest) -> Array | None:
     """T_world_base of the candidates, shape (b, 4, 4)."""
     if body.bases is not None:
-        return np.array([poses.transform(pose) for pose in body.bases])
+        return _transforms(body.bases)
     return None if body.base_region is None else _region(body.base_region)
 
 

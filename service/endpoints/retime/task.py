@@ -29,6 +29,7 @@ from planning.retiming.simplify import simplify as simplified
 from planning.retiming.state_motion import time_states
 from planning.values.limits import MotionLimits
 from service.endpoints.attached_objects import robot_in_scene
+from service.fields import picked
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, timings, trajectories
@@ -57,14 +58,18 @@ def retime(robot: Reference | None, content: bytes) -> bytes:
     timed = _time_path(body, chain) if body.path is not None else _time_states(body, chain)
     limits = timings.given_limits(body.limits, timed.trajectory.joint_names)
     timed = with_path_stops(timed, body.stops, chain, limits)
-    answer = timings.retimed_answer(
-        timed,
-        trajectories.trajectory_answer(
-            timed.trajectory, body.timing.sample_period, timed.begins, body.timing.sample_count
-        ),
-        certificates.certificate_answer(timed.certificate, timed.begins)
-        | certificates.stops_answer(timed.stops, timed.begins),
-    )
+    motion, begins = timed.trajectory, timed.begins
+    period, count = body.timing.sample_period, body.timing.sample_count
+    answer = {
+        "status": "success" if timed.certificate.verified else "unverified",
+        "trajectory": trajectories.trajectory_answer(motion, period, begins, count),
+        "certificate": certificates.certificate_answer(timed.certificate, begins)
+        | certificates.stops_answer(timed.stops, begins),
+        **picked(timed, "factor", "needed_factor"),
+        "timing": timings.timing_answer(timed.timing, motion, begins),
+        "notes": timed.notes,
+        "peaks": {name: row.tolist() for name, row in timed.peaks.items()},
+    }
     return to_json(answer, inf_nan_mode="null")
 
 
@@ -76,7 +81,8 @@ def _time_path(body: RetimeRequest, chain: Chain | None) -> Retimed:
 
 
 def _time_states(body: RetimeRequest, chain: Chain | None) -> Retimed:
-    names = timings.state_joint_names(body, chain)
+    assert body.start is not None
+    names = timings.joint_names(body.joint_names, len(body.start.position), chain, "")
     states = timings.joint_state(body.start, "from"), timings.joint_state(body.end, "to")
     limits = timings.given_limits(body.limits, names)
     options = replace(timings.timing_options(body.timing), method="jerk_limited")

@@ -446,7 +446,11 @@ def simulation_answer(
             "velocity": result.reference_velocity.tolist(),
         },
         "torque": result.torque.tolist(),
-        "voltage": None if motors is None else _voltages(motors, result.torque).tolist(),
+        "voltage": None
+        if motors is None
+        else np.column_stack(
+            [motor.voltage(tau) for motor, tau in zip(motors, result.torque.T, strict=True)]
+        ).tolist(),
         "saturated": result.saturated.any(axis=1).tolist(),
         **listed(result, "tracking_error", "lyapunov", "lyapunov_rate"),
         "estimate": None if adaptive is None else result.estimate.tolist(),
@@ -465,8 +469,3 @@ def simulation_answer(
             "implicit_steps": result.implicit_steps,
         },
     }
-
-
-def _voltages(motors: Sequence[Motor], torque: Array) -> Array:
-    """Voltages of the motors that drive the joints with a torque (m, n), of the same shape [V]."""
-    return np.column_stack([motor.voltage(torque[:, i]) for i, motor in enumerate(motors)])

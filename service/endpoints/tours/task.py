@@ -13,7 +13,6 @@ from armwright_wire.plans.tour import TourRequest
 from armwright_wire.scenes.scene import Scene as SceneBody
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
-from kinematics.tree.srdf import state
 from obstacles.robots.allowed_pairs import deepest
 from obstacles.robots.robot_geometry import RobotGeometry
 from planning.options import MAX_TIMEOUT, Options
@@ -37,6 +36,7 @@ from service.translate.frames import (
     configuration,
     constraints_in_root_frame,
     single_goal_in_root_frame,
+    with_state,
 )
 from service.translate.poses import rounding_notes
 from service.workers import current
@@ -189,9 +189,7 @@ def _alternatives(
 
 
 def _alternative(item: SingleGoal, robot: RobotGeometry, frames: Frames, where: str) -> Goal:
-    if item.state is not None:
-        joints = state(robot.states, item.state, f"{where}.state").tolist()
-        item = item.model_copy(update={"joints": joints, "state": None})
+    item = with_state(item, robot.states, where)
     moved = single_goal_in_root_frame(item, frames, where)
     return problems.single_goal(moved, robot.chain, f"{where}.joints")
 
