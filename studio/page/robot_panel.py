@@ -88,6 +88,8 @@ class NumbersField:
     ) -> None:
         self._label, self._units, self._quantity = label, units, quantity
         self._values, self._act, self._least = tuple(values), act, least
+        #: Values that were typed and have not come back from the state yet, oldest first.
+        self._sent: list[tuple[float, ...]] = []
         self._widget = gui.add_text(label, "")
         units.add(self)
         self.show_units()
@@ -99,6 +101,11 @@ class NumbersField:
         Args:
             values: Values of the state [m or rad].
         """
+        for k, sent in enumerate(self._sent[:-1]):
+            if _same(values, sent):  # the person has typed on meanwhile
+                del self._sent[: k + 1]
+                return
+        self._sent.clear()
         typed, before = self._typed(), self._values
         self._values = tuple(values)
         if _same(self._values, typed if typed is not None else before):
@@ -137,6 +144,7 @@ class NumbersField:
         typed = self._typed()
         if typed is not None and not _same(typed, self._values):
             self._values = typed
+            self._sent.append(typed)
             self._act(list(typed))
 
 
