@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 from scipy.spatial.transform import Rotation
 
 from armwright_client import Box, Client, FramedPose
@@ -12,8 +12,7 @@ from studio.pose import rotation
 from studio.state import Failure
 from studio.workbench import Workbench
 from tests.service.processes import wait_until
-from tests.service.viewer.browser import browsing
-from tests.studio.page.mouse import field, typed
+from tests.studio.page.mouse import blank, field, typed
 
 
 @pytest.fixture(scope="module")
@@ -25,9 +24,8 @@ def studio(url: str) -> Iterator[StudioPage]:
 
 
 @pytest.fixture(scope="module")
-def page(studio: StudioPage) -> Iterator[Page]:
-    with browsing() as browser:
-        page = browser.new_page(viewport={"width": 1000, "height": 600})
+def page(studio: StudioPage, browser: Browser) -> Iterator[Page]:
+    with blank(browser) as page:
         page.goto(f"http://127.0.0.1:{studio.server.get_port()}")
         yield page
 

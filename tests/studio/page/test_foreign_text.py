@@ -6,7 +6,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
 import studio
 from armwright_client import Client
@@ -18,7 +18,7 @@ from studio.page.studio_page import serve_page
 from studio.settings_form import EntryForms
 from studio.state import Branch, Failure, Verdict
 from studio.workbench import Workbench
-from tests.service.viewer.browser import browsing
+from tests.studio.page.mouse import blank
 
 #: A start of the service and a browser in software take most of it.
 pytestmark = pytest.mark.timeout(300)
@@ -100,14 +100,13 @@ def nothing_ran(page: Page) -> None:
     assert page.locator("img[src*='127.0.0.1:9']").count() == 0
 
 
-def test_no_name_runs_in_any_panel_or_page(hostile: Workbench) -> None:
+def test_no_name_runs_in_any_panel_or_page(hostile: Workbench, browser: Browser) -> None:
     server = serve_page(0)
     # What a page would show without the escape: so the names would run.
     bare = server.gui.add_markdown("")
     for text in texts(hostile).values():
         Text(server.gui, "").show(text)
-    with browsing() as browser:
-        page = browser.new_page()
+    with blank(browser) as page:
         page.goto(f"http://127.0.0.1:{server.get_port()}")
         expect(page.get_by_text("In collision:").first).to_be_attached(timeout=60_000)
         expect(page.get_by_text(NAMES[2]).first).to_be_attached(timeout=20_000)

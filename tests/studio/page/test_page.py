@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
@@ -17,8 +17,7 @@ from studio.pose import rotation
 from studio.state import TaskPlanned
 from studio.workbench import Workbench
 from tests.service.processes import wait_until
-from tests.service.viewer.browser import browsing
-from tests.studio.page.mouse import drag, field, pixel
+from tests.studio.page.mouse import UNDRAWN, drag, field, pixel
 
 
 @pytest.fixture(scope="module")
@@ -52,9 +51,8 @@ class Shown(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def shown(studio: StudioPage) -> Iterator[Shown]:
-    with browsing() as browser:
-        page = browser.new_page(viewport={"width": 900, "height": 320})
+def shown(studio: StudioPage, browser: Browser) -> Iterator[Shown]:
+    with browser.new_page(viewport={"width": 900, "height": 320}) as page:
         seen = Shown(page, [], set())
         page.on("console", lambda m: seen.faults.append(m.text) if m.type == "error" else None)
         page.on("pageerror", lambda error: seen.faults.append(str(error)))
@@ -67,6 +65,7 @@ def test_from_a_dragged_goal_to_a_motion_that_plays(studio: StudioPage, shown: S
     page = shown.page
     expect(page.get_by_role("button", name="Plan", exact=True)).to_be_visible(timeout=20_000)
     assert wait_until(lambda: colours(page) > 8, 10.0)
+    page.evaluate(UNDRAWN)
 
     # The mouse takes the goal's frame at the arrow along its x, and drags it by 8 cm.
     (client,) = studio.server.get_clients().values()

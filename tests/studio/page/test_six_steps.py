@@ -1,7 +1,7 @@
 """From a bare public arm to a proved pick and place in a real browser: six steps, and it plays."""
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
 from armwright_client import Client
 from benchmarks.arms import UPLOADS
@@ -10,20 +10,18 @@ from studio.page.studio_page import StudioPage, serve_page
 from studio.state import TaskPlanned
 from studio.workbench import Workbench
 from tests.service.processes import wait_until
-from tests.service.viewer.browser import browsing
-from tests.studio.page.mouse import field, typed
+from tests.studio.page.mouse import blank, field, typed
 
 #: Fine meshes are cut into convex pieces, and drawn in software.
 pytestmark = pytest.mark.timeout(400)
 PATIENCE = 120_000
 
 
-def test_six_steps_with_the_mouse_and_the_keyboard(url: str) -> None:
-    with Client(url) as client, browsing() as browser:
+def test_six_steps_with_the_mouse_and_the_keyboard(url: str, browser: Browser) -> None:
+    with Client(url) as client, blank(browser) as page:
         studio = StudioPage(serve_page(0), Workbench(client, url, "panda"))
         workbench = studio.workbench
         try:
-            page = browser.new_page(viewport={"width": 1000, "height": 600})
             page.set_default_timeout(PATIENCE)
             page.goto(f"http://127.0.0.1:{studio.server.get_port()}")
 
