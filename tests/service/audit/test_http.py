@@ -1,28 +1,27 @@
 """Second looks over HTTP: counted, and a dispute is a problem, never a plan."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
 from kinematics.errors import InvalidOption
-from service.app import create_app
 from service.http import audit
-from service.settings import Settings
+from tests.service.conftest import Served
 from tests.service.robots import HOME, answer, problem
-from tests.service.server import serving
 
 GOAL = {"joints": [0.5, -0.6, 0.0, -2.2, 0.0, 1.571, 0.785]}
 PLAN = {"robot": "panda", "start": {"joints": HOME}, "goal": GOAL, "keep": True}
 FAULT = {"kind": "frame", "link": "panda_link5", "time": 0.5, "by": 1e-3}
 
 
-@pytest.fixture(scope="module")
-def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
-    with serving(create_app(Settings(data_dir=tmp_path_factory.mktemp("a"), workers=1))) as client:
-        yield client
+@pytest.fixture(scope="module", autouse=True)
+def _no_look_was_taken(served: Served) -> Iterator[None]:
+    """The service looks as if it had just been started."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(served.app.state, "audit_account", audit.AuditAccount())
+        yield
 
 
 def looks(client: httpx.Client, outcome: str) -> float:
@@ -32,10 +31,11 @@ def looks(client: httpx.Client, outcome: str) -> float:
 
 
 def test_the_first_kept_plan_is_looked_at(client: httpx.Client) -> None:
+    before = looks(client, "agreed")
     answer(client.post("/v1/plan", json={**PLAN, "keep": False}))
-    assert looks(client, "agreed") == 0.0
+    assert looks(client, "agreed") == before
     answer(client.post("/v1/plan", json=PLAN))
-    assert looks(client, "agreed") == 1.0
+    assert looks(client, "agreed") == before + 1.0
 
 
 def test_a_dispute_is_a_problem_with_a_bundle(
@@ -46,6 +46,7 @@ def test_a_dispute_is_a_problem_with_a_bundle(
 
     monkeypatch.setattr(audit, "_look", disputed)
     monkeypatch.setattr(audit.AuditAccount, "earn", lambda *_: True)
+    before = looks(client, "disputed")
     refused = client.post("/v1/plan", json=PLAN)
     told = problem(refused, 500, "CERTIFICATE_DISPUTED")
     assert told["details"]["disagreements"] == [FAULT]
@@ -54,7 +55,7 @@ def test_a_dispute_is_a_problem_with_a_bundle(
     assert (kept["status"], kept["answer"]) == ("failed", None)
     bundle = answer(client.get(f"/v1/plans/{told['details']['plan_id']}/bundle"))
     assert bundle["status"] == "failed"
-    assert looks(client, "disputed") == 1.0
+    assert looks(client, "disputed") == before + 1.0
 
 
 def test_an_answer_stands_where_a_look_fails(
@@ -71,12 +72,13 @@ def test_an_answer_stands_where_a_look_fails(
 
 
 def test_no_look_is_taken_where_it_is_turned_off(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(audit, "_look", None)  # calling it would be an error
-    app = create_app(Settings(data_dir=tmp_path, workers=1, audit="off"))
-    with serving(app) as client:
-        answer(client.post("/v1/plan", json=PLAN))
+    monkeypatch.setattr(audit.AuditAccount, "earn", lambda *_: True)
+    off = served.app.state.settings.model_copy(update={"audit": "off"})
+    monkeypatch.setattr(served.app.state, "settings", off)
+    answer(served.client.post("/v1/plan", json=PLAN))
 
 
 def test_looks_take_a_share_of_the_time() -> None:

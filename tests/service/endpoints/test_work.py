@@ -91,7 +91,10 @@ def test_the_page_and_the_space_of_the_work() -> None:
     data = json.loads(found[1])
     assert {"part_1", "part_2", "part_3"} == set(data["carriers"])
     assert len(data["stages"]) == 50
-    mesh = swept(mounted(TASK), None, json.dumps(kept).encode(), "stl", 0.05)
+    # A hull for each piece and cell of time: one stage with the jaws, and one with the spindle.
+    two = [tending()["stages"][k] for k in (45, 49)]
+    some = kept | {"answer": tending() | {"stages": two}}
+    mesh = swept(mounted(TASK), None, json.dumps(some).encode(), "stl", 0.1)
     assert isinstance(mesh, bytes)
 
 
