@@ -201,27 +201,7 @@ def _check_inertias(chain: Chain) -> None:
 
 def _merge(chain: Chain, joint: int) -> Inertia:
     carried = [link for link in chain.links if link.joint == joint]
-    parts = [_in_joint_frame(link, link.inertia) for link in carried if link.inertia is not None]
-    if not parts:
-        return Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
-    masses = np.array([part.mass for part in parts])
-    mass = float(masses.sum())
-    # Bodies without mass (motor rotors given as inertia alone) have their centre where they say.
-    weights = masses / mass if mass > 0.0 else np.full(len(parts), 1.0 / len(parts))
-    center = weights @ np.array([part.center_of_mass for part in parts])
-    tensors = [part.tensor + _point_tensor(part, center) for part in parts]
-    return Inertia(mass, center, np.sum(tensors, axis=0))
-
-
-def _in_joint_frame(link: Link, inertia: Inertia) -> Inertia:
-    R, p = link.T_joint_link[:3, :3], link.T_joint_link[:3, 3]
-    return Inertia(inertia.mass, R @ inertia.center_of_mass + p, R @ inertia.tensor @ R.T)
-
-
-def _point_tensor(part: Inertia, center: Array) -> Array:
-    """Parallel axis theorem: m (|d|^2 I - d d^T)."""
-    d = part.center_of_mass - center
-    return np.asarray(part.mass * (d @ d * np.eye(3) - np.outer(d, d)))
+    return Inertia.merged([(k.inertia, k.T_joint_link) for k in carried if k.inertia is not None])
 
 
 def _scale_link(link: Link, factors: Array) -> Link:

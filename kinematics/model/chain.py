@@ -156,6 +156,24 @@ class Inertia:
         object.__setattr__(self, "center_of_mass", frozen(self.center_of_mass))
         object.__setattr__(self, "tensor", frozen(self.tensor))
 
+    @classmethod
+    def merged(cls, parts: Sequence[tuple["Inertia", Array]]) -> "Inertia":
+        """Mass properties of several bodies as of one, each with its pose (4, 4)."""
+        if not parts:
+            return cls(0.0, np.zeros(3), np.zeros((3, 3)))
+        masses = np.array([body.mass for body, _ in parts])
+        mass = float(masses.sum())
+        # Bodies without mass (rotors given as inertia alone) have their centre where they say.
+        weights = masses / mass if mass > 0.0 else np.full(len(parts), 1.0 / len(parts))
+        centers = np.array([T[:3, :3] @ body.center_of_mass + T[:3, 3] for body, T in parts])
+        center, tensors = weights @ centers, []
+        for (body, T), c in zip(parts, centers, strict=True):
+            # Parallel axis theorem: + m (|d|^2 I - d d^T).
+            d = c - center
+            about = body.mass * (d @ d * np.eye(3) - np.outer(d, d))
+            tensors.append(T[:3, :3] @ body.tensor @ T[:3, :3].T + about)
+        return cls(mass, center, np.sum(tensors, axis=0))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:

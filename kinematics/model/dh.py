@@ -17,7 +17,6 @@ Denavit-Hartenberg tables as values, and what makes one valid.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Literal
 
@@ -505,18 +504,7 @@ def _mass_properties(
         for link in chain.links
         if link.joint == i and link.inertia is not None
     ]
-    return _merge(bodies) if bodies else (None, None, None)
-
-
-def _merge(bodies: Sequence[tuple[Inertia, Array]]) -> tuple[float, Array, Array]:
-    """Mass, centre and tensor of several bodies as of one (parallel axis theorem)."""
-    masses = np.array([body.mass for body, _ in bodies])
-    centers = np.array([T[:3, :3] @ body.center_of_mass + T[:3, 3] for body, T in bodies])
-    mass = float(masses.sum())
-    center = masses @ centers / mass if mass > 0.0 else np.zeros(3)
-    tensor = np.zeros((3, 3))
-    for (body, T), c in zip(bodies, centers, strict=True):
-        r = c - center
-        tensor += T[:3, :3] @ body.tensor @ T[:3, :3].T
-        tensor += body.mass * (float(r @ r) * np.eye(3) - np.outer(r, r))
-    return mass, frozen(center), frozen(tensor)
+    if not bodies:
+        return None, None, None
+    whole = Inertia.merged(bodies)
+    return whole.mass, whole.center_of_mass, whole.tensor

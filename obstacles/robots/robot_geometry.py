@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import combinations
 from types import MappingProxyType
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,19 +137,44 @@ class RobotGeometry(Remade):
                 f"attached object {attached.id!r} is a half-space: what a link carries has an end",
                 hint="Give a box that is as large as the arm reaches.",
             )
-        own = tuple(p.placed(holder.T_joint_link) for p in attached.pieces())
-        same = {name for name, j in zip(self.links, self.joints, strict=True) if j == holder.joint}
-        allowed = dict(self.allowed)
-        allowed |= {sorted_pair(attached.id, name): "same body" for name in same}
-        allowed |= {sorted_pair(attached.id, name): "attached" for name in touched}
+        own = [piece.placed(holder.T_joint_link) for piece in attached.pieces()]
+        return self.with_solids(holder.joint, {attached.id: [own]}, touched, suspected={})
+
+    def with_solids(
+        self,
+        joint: int,
+        solids: Mapping[str, Sequence[Sequence[Piece]]],
+        touched: Iterable[str],
+        **changes: Any,
+    ) -> "RobotGeometry":
+        """Robot with solids on one joint, which can't move towards each other.
+
+        Args:
+            joint: The joint that carries them.
+            solids: Solids by name, each as its pieces in the frame of the joint.
+            touched: Links that all of them may touch.
+            changes: Other fields of the robot that change.
+        """
+        pieces, links, counts = list(self.pieces), list(self.links), list[int]()
+        same = {name for name, j in zip(self.links, self.joints, strict=True) if j == joint}
+        allowed, touched = dict(self.allowed), tuple(touched)
+        for name, own in solids.items():
+            for solid in own:
+                pieces += solid
+                links += [name] * len(solid)
+                counts.append(len(solid))
+            allowed |= {sorted_pair(name, other): "same body" for other in same}
+            allowed |= {sorted_pair(name, other): "attached" for other in touched}
+            same.add(name)
+        numbers = self.solids.max(initial=-1) + 1 + np.repeat(np.arange(len(counts)), counts)
         return replace(
             self,
-            pieces=self.pieces + own,
-            links=self.links + (attached.id,) * len(own),
-            joints=np.append(self.joints, np.full(len(own), holder.joint)),
-            solids=np.append(self.solids, np.full(len(own), self.solids.max(initial=-1) + 1)),
+            pieces=tuple(pieces),
+            links=tuple(links),
+            joints=np.append(self.joints, np.full(len(numbers), joint)),
+            solids=np.append(self.solids, numbers),
             allowed=allowed,
-            suspected={},
+            **changes,
         )
 
 
@@ -382,13 +407,21 @@ def _adjacent(bare: RobotGeometry, parents: Mapping[str, str]) -> set[Pair]:
     return pairs
 
 
-def _self_pairs(geometry: RobotGeometry) -> NDArray[np.int64]:
-    names, number = np.unique(geometry.links, return_inverse=True)
+def touch_matrix(
+    links: Sequence[str], allowed: Iterable[Pair]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Numbers of the links of pieces, and which of these links may touch."""
+    names, numbers = np.unique(links, return_inverse=True)
     of_name = {str(name): k for k, name in enumerate(names)}
     may_touch = np.zeros((len(names), len(names)), dtype=np.bool_)
-    for a, b in geometry.allowed:
+    for a, b in allowed:
         if a in of_name and b in of_name:
             may_touch[of_name[a], of_name[b]] = may_touch[of_name[b], of_name[a]] = True
+    return numbers, may_touch
+
+
+def _self_pairs(geometry: RobotGeometry) -> NDArray[np.int64]:
+    number, may_touch = touch_matrix(geometry.links, geometry.allowed)
     i, j = np.triu_indices(len(geometry.pieces), 1)
     chosen = (geometry.joints[i] != geometry.joints[j]) & ~may_touch[number[i], number[j]]
     array = np.column_stack([i[chosen], j[chosen]]).astype(np.int64)

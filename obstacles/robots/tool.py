@@ -28,7 +28,7 @@ from kinematics.root_frame import TOOL
 from kinematics.tree.description import JointDescription
 from kinematics.tree.fingers import Finger, Fingers
 from obstacles.convex.piece import Piece
-from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle
 from obstacles.shapes.shape import Box, Capsule, Cylinder, HalfSpace, Shape
 
@@ -224,8 +224,15 @@ def mount(robot: RobotGeometry, tool: Tool, tcp: str | None = None) -> RobotGeom
     added += [link(finger.joint.child, finger.motion(positions)) for finger in joints]
     _check_free(robot, tool, added)
     chain = replace(robot.chain, links=(*robot.chain.links, *added), tip_link=tip)
-    groups = [(added[0], tool.solids)]
-    groups += [(chain.link(tool.part(name)), jaw.solids) for name, jaw in tool.jaws.items()]
+    groups = {tool.name: tool.solids}
+    groups |= {tool.part(name): jaw.solids for name, jaw in tool.jaws.items()}
+    solids = {
+        name: [
+            [piece.placed(chain.link(name).T_joint_link) for piece in shape.pieces(name)]
+            for shape in shapes
+        ]
+        for name, shapes in groups.items()
+    }
     states = dict(robot.fingers.states)
     if tool.opening is not None:
         for state, value in zip((_CLOSED, _OPEN), tool.opening, strict=True):
@@ -233,7 +240,7 @@ def mount(robot: RobotGeometry, tool: Tool, tcp: str | None = None) -> RobotGeom
     moved = Fingers(
         (*robot.fingers.joints, *joints), {**robot.fingers.positions, **positions}, states
     )
-    return _with_solids(replace(robot, chain=chain, fingers=moved), groups, carrier)
+    return robot.with_solids(carrier.joint, solids, [carrier.name], chain=chain, fingers=moved)
 
 
 @typed
@@ -325,35 +332,6 @@ def _fingers(tool: Tool) -> tuple[tuple[Finger, ...], dict[str, float]]:
         )
         found.append(Finger(one, leader, jaw.travel))
     return tuple(found), {leader: high}
-
-
-def _with_solids(
-    robot: RobotGeometry, groups: Iterable[tuple[Link, tuple[Solid, ...]]], carrier: Link
-) -> RobotGeometry:
-    """The robot with solids on links of one joint, which can't move towards each other."""
-    first = int(robot.solids.max(initial=-1)) + 1
-    pieces, links, solids = list(robot.pieces), list(robot.links), robot.solids.tolist()
-    same = {name for name, j in zip(robot.links, robot.joints, strict=True) if j == carrier.joint}
-    allowed = dict(robot.allowed)
-    for link, shapes in groups:
-        for solid in shapes:
-            own = [piece.placed(link.T_joint_link) for piece in solid.pieces(link.name)]
-            pieces += own
-            links += [link.name] * len(own)
-            solids += [first] * len(own)
-            first += 1
-        allowed |= {sorted_pair(link.name, name): "same body" for name in same}
-        allowed |= {sorted_pair(link.name, carrier.name): "attached"}
-        same.add(link.name)
-    count = len(pieces) - len(robot.pieces)
-    return replace(
-        robot,
-        pieces=tuple(pieces),
-        links=tuple(links),
-        joints=np.append(robot.joints, np.full(count, carrier.joint)),
-        solids=np.array(solids, dtype=np.int64),
-        allowed=allowed,
-    )
 
 
 Sizes = Mapping[str, float]

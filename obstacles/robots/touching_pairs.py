@@ -147,8 +147,7 @@ def _candidates(robot: "RobotGeometry", known: Mapping[Pair, str]) -> Candidates
     """Pairs of pieces by the links they belong to, of links that may not touch."""
     candidates: Candidates = {}
     for i, j in robot.self_pairs:
-        a, b = robot.links[i], robot.links[j]
-        pair = (a, b) if a < b else (b, a)
+        pair = min(robot.links[i], robot.links[j]), max(robot.links[i], robot.links[j])
         if pair not in known:
             candidates.setdefault(pair, []).append((int(i), int(j)))
     return candidates

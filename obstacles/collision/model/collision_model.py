@@ -29,7 +29,7 @@ from obstacles.distance.piece_set import (
     PieceSet,
 )
 from obstacles.distance.scene_set import scene_set
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry, touch_matrix
 from obstacles.scenes.scene import Scene
 
 __all__ = ["CollisionModel", "ModelArrays", "all_pieces", "pack", "skipped_pairs"]
@@ -232,13 +232,7 @@ def _self_pairs(
 ) -> tuple[Indices, PairGrid, Indices]:
     """The robot's pairs but for those that are allowed, their grids and ``ModelArrays.groups``."""
     own = _robot_part(robot)
-    numbers = {name: k for k, name in enumerate(dict.fromkeys(robot.links))}
-    may_touch = np.zeros((len(numbers), len(numbers)), dtype=np.bool_)
-    for one, other in allowed:
-        if one in numbers and other in numbers:
-            a, b = numbers[one], numbers[other]
-            may_touch[a, b] = may_touch[b, a] = True
-    links = np.array([numbers[name] for name in robot.links], dtype=np.int64)
+    links, may_touch = touch_matrix(robot.links, allowed)
     chosen = ~may_touch[links[own.pairs[:, 0]], links[own.pairs[:, 1]]]
     grid = PairGrid(
         _readonly(own.grid.axes[chosen]), _readonly(own.grid.starts[chosen]),
