@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector, dot, subtract
+from compiled.vec3 import Vector, dot, row, subtract
 from kinematics.arrays import Array, Indices
 from kinematics.forward import frames_kernel
 from obstacles.collision.edge_check import COLLIDING, FREE, ROUNDING_ERROR, UNDECIDED
@@ -26,6 +26,7 @@ from obstacles.collision.model.kernel_work import (
     LAST_MET,
     MET_TWICE,
     Workspace,
+    moved,
     place_ball,
     place_ball_once,
     place_row,
@@ -188,16 +189,8 @@ def _bracket(model: ModelArrays, work: Workspace, i: int, k: int, apart: float) 
     # What covers a part of a mesh may hold more than it: it is free, but never struck, by itself.
     exact = closed_form(rows, k) and not rows[k, NODE_STOP] > 0.0
     while sphere < end:
-        x, y, z = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2]
-        distance = bound_from(
-            rows, k, corners,
-            frames[joint, 0, 0] * x + frames[joint, 0, 1] * y + frames[joint, 0, 2] * z
-            + frames[joint, 0, 3],
-            frames[joint, 1, 0] * x + frames[joint, 1, 1] * y + frames[joint, 1, 2] * z
-            + frames[joint, 1, 3],
-            frames[joint, 2, 0] * x + frames[joint, 2, 1] * y + frames[joint, 2, 2] * z
-            + frames[joint, 2, 3],
-        )  # fmt: skip
+        x, y, z = moved(frames, joint, row(spheres, sphere))
+        distance = bound_from(rows, k, corners, x, y, z)
         if distance > spheres[sphere, OUTER] + apart + ROUNDING_ERROR:
             sphere = int(spheres[sphere, AFTER])
             continue
@@ -252,15 +245,8 @@ def _bracket_pair(
 @kernel(allocates=False)
 def _moved(spheres: Array, k: int, frames: Array, joint: int) -> Vector:
     """The centre of a sphere in the base frame."""
-    x, y, z = spheres[k, 0], spheres[k, 1], spheres[k, 2]
-    if joint < 0:
-        return x, y, z
-    T = frames[joint]
-    return (
-        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
-        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
-        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
-    )
+    p = row(spheres, k)
+    return p if joint < 0 else moved(frames, joint, p)
 
 
 @kernel(allocates=False)

@@ -30,20 +30,16 @@ def quick_bound(a: Array, i: int, b: Array, j: int, enough: float) -> tuple[floa
     n = (x * scale, y * scale, z * scale)
     if bound > enough:
         return bound, n
-    out = _out_of_box(b, j, a, i)
-    length = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
-    if length - b[j, RADIUS] > bound:
-        bound = length - b[j, RADIUS]
-        scale = 1.0 / length if length > 0.0 else 0.0
-        n = (-out[0] * scale, -out[1] * scale, -out[2] * scale)
-        if bound > enough:
-            return bound, n
-    out = _out_of_box(a, i, b, j)
-    length = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
-    if length - a[i, RADIUS] > bound:
-        bound = length - a[i, RADIUS]
-        scale = 1.0 / length if length > 0.0 else 0.0
-        n = (out[0] * scale, out[1] * scale, out[2] * scale)
+    for side in range(2):
+        out = _out_of_box(b, j, a, i) if side == 0 else _out_of_box(a, i, b, j)
+        radius, sign = (b[j, RADIUS], -1.0) if side == 0 else (a[i, RADIUS], 1.0)
+        length = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
+        if length - radius > bound:
+            bound = length - radius
+            scale = sign / length if length > 0.0 else 0.0
+            n = (out[0] * scale, out[1] * scale, out[2] * scale)
+            if bound > enough:
+                return bound, n
     return bound, n
 
 

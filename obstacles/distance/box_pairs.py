@@ -76,7 +76,7 @@ def box_of(desk: Array, k: int, nodes: Array, node: int) -> Node:
 
 
 @kernel(allocates=False)
-def _in_frame(row: Array, x: float, y: float, z: float) -> Vector:
+def in_frame(row: Array, x: float, y: float, z: float) -> Vector:
     """A direction in the frame of a placed row."""
     p = POSE
     return (
@@ -91,10 +91,10 @@ def write_view(desk: Array, view: Array) -> None:
     """Write the pose of the second row of the desk in the frame of the first."""
     a, b = desk[0], desk[1]
     for axis in range(3):
-        u = _in_frame(a, b[POSE + axis], b[POSE + 4 + axis], b[POSE + 8 + axis])
+        u = in_frame(a, b[POSE + axis], b[POSE + 4 + axis], b[POSE + 8 + axis])
         view[TURN + axis], view[TURN + 3 + axis], view[TURN + 6 + axis] = u
     p = POSE + 3
-    view[PLACE], view[PLACE + 1], view[PLACE + 2] = _in_frame(
+    view[PLACE], view[PLACE + 1], view[PLACE + 2] = in_frame(
         a, b[p] - a[p], b[p + 4] - a[p + 4], b[p + 8] - a[p + 8]
     )
 
@@ -103,14 +103,14 @@ def write_view(desk: Array, view: Array) -> None:
 def write_drift(desk: Array, drift: Drift, view: Array) -> None:
     """Write the motion of the second piece, given at the middle of its ball."""
     b, p = desk[1], POSE + 3
-    v = _in_frame(b, drift[0], drift[1], drift[2])
-    w = _in_frame(b, drift[3], drift[4], drift[5])
-    c = _in_frame(b, b[CENTER] - b[p], b[CENTER + 1] - b[p + 4], b[CENTER + 2] - b[p + 8])
+    v = in_frame(b, drift[0], drift[1], drift[2])
+    w = in_frame(b, drift[3], drift[4], drift[5])
+    c = in_frame(b, b[CENTER] - b[p], b[CENTER + 1] - b[p + 4], b[CENTER + 2] - b[p + 8])
     view[GOES] = v[0] - (w[1] * c[2] - w[2] * c[1])
     view[GOES + 1] = v[1] - (w[2] * c[0] - w[0] * c[2])
     view[GOES + 2] = v[2] - (w[0] * c[1] - w[1] * c[0])
     view[TURNS_B], view[TURNS_B + 1], view[TURNS_B + 2] = w
-    view[TURNS_A], view[TURNS_A + 1], view[TURNS_A + 2] = _in_frame(
+    view[TURNS_A], view[TURNS_A + 1], view[TURNS_A + 2] = in_frame(
         desk[0], drift[3], drift[4], drift[5]
     )
 
@@ -130,8 +130,8 @@ def write_plane(
     if wall:
         n = (-a[p + 2], -a[p + 6], -a[p + 10])
     view[NORMAL], view[NORMAL + 1], view[NORMAL + 2] = n
-    view[NORMAL_A], view[NORMAL_A + 1], view[NORMAL_A + 2] = _in_frame(a, n[0], n[1], n[2])
-    view[NORMAL_B], view[NORMAL_B + 1], view[NORMAL_B + 2] = _in_frame(b, n[0], n[1], n[2])
+    view[NORMAL_A], view[NORMAL_A + 1], view[NORMAL_A + 2] = in_frame(a, n[0], n[1], n[2])
+    view[NORMAL_B], view[NORMAL_B + 1], view[NORMAL_B + 2] = in_frame(b, n[0], n[1], n[2])
     view[HEIGHT_A] = n[0] * a[p + 3] + n[1] * a[p + 7] + n[2] * a[p + 11]
     view[HEIGHT_B] = n[0] * b[p + 3] + n[1] * b[p + 7] + n[2] * b[p + 11]
     view[LOW], view[HIGH] = -np.inf, np.inf

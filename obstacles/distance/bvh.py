@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from compiled.kernel import kernel
+from compiled.simd import Lanes
 from kinematics.arrays import Array, Indices
 
 #: Pieces in a leaf: a walk step costs about as much as a check of two of them.
@@ -212,10 +213,12 @@ def tree(low: Array, high: Array, most: int = LEAF) -> Tree:
     return Tree(nodes, items)
 
 
-@kernel(allocates=False)
-def gap(nodes: Array, node: int, x: float, y: float, z: float) -> float:
-    """Square of the distance of a point from a node's box [m^2]."""
-    dx = max(nodes[node, 0] - x, x - nodes[node, 3], 0.0)
-    dy = max(nodes[node, 1] - y, y - nodes[node, 4], 0.0)
-    dz = max(nodes[node, 2] - z, z - nodes[node, 5], 0.0)
-    return float(dx * dx + dy * dy + dz * dz)
+@kernel(allocates=False, inline="code")
+def gap(nodes: Array, node: int, x: Lanes, y: Lanes, z: Lanes) -> Lanes:
+    """Square of the distance of a point from a node's box [m^2], of numbers or of vectors."""
+    dx = max(nodes[node, 0] - x, x - nodes[node, 3])
+    dy = max(nodes[node, 1] - y, y - nodes[node, 4])
+    dz = max(nodes[node, 2] - z, z - nodes[node, 5])
+    dx, dy, dz = max(dx, 0.0), max(dy, 0.0), max(dz, 0.0)
+    square: Lanes = dx * dx + dy * dy + dz * dz
+    return square

@@ -22,6 +22,7 @@ import numpy as np
 import scipy
 
 from compiled.kernel import kernel
+from compiled.vec3 import turned_back
 from kinematics.arrays import Array
 from obstacles.convex.closest_point import nearest_on_hull
 from obstacles.convex.piece import Hull, Piece, PieceKind, convex_hull, principal_axes
@@ -55,9 +56,7 @@ def core_support(kind: int, vertices: Array, size: Array, T: Array, n: Array) ->
         T: The piece's frame.
         n: Direction of any length.
     """
-    x = T[0, 0] * n[0] + T[1, 0] * n[1] + T[2, 0] * n[2]
-    y = T[0, 1] * n[0] + T[1, 1] * n[1] + T[2, 1] * n[2]
-    z = T[0, 2] * n[0] + T[1, 2] * n[1] + T[2, 2] * n[2]
+    x, y, z = turned_back(T, (n[0], n[1], n[2]))
     p = np.zeros(3)
     if kind == 0:
         highest, corner = -np.inf, 0

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector
+from compiled.vec3 import Vector, rotate, turned_back
 from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import array_bytes, bounded_cache
 from kinematics.errors import InvalidScene
@@ -410,12 +410,7 @@ def _winding(arrays: ProjectionArrays, owner: int, p: Vector) -> float:
 
 @kernel(inline="always")
 def _to_local(T: Array, p: Vector) -> Vector:
-    x, y, z = p[0] - T[0, 3], p[1] - T[1, 3], p[2] - T[2, 3]
-    return (
-        T[0, 0] * x + T[1, 0] * y + T[2, 0] * z,
-        T[0, 1] * x + T[1, 1] * y + T[2, 1] * z,
-        T[0, 2] * x + T[1, 2] * y + T[2, 2] * z,
-    )
+    return turned_back(T, (p[0] - T[0, 3], p[1] - T[1, 3], p[2] - T[2, 3]))
 
 
 @kernel(inline="always")
@@ -443,12 +438,8 @@ def _on_piece(arrays: ProjectionArrays, i: int, p: Vector) -> Nearest:
         )
     if size[2] > 0.0:
         q = _rounded(arrays, i, local, q)
-    return (
-        T[0, 0] * q[0] + T[0, 1] * q[1] + T[0, 2] * q[2] + T[0, 3],
-        T[1, 0] * q[0] + T[1, 1] * q[1] + T[1, 2] * q[2] + T[1, 3],
-        T[2, 0] * q[0] + T[2, 1] * q[1] + T[2, 2] * q[2] + T[2, 3],
-        q[3],
-    )
+    x, y, z = rotate(T, (q[0], q[1], q[2]))
+    return x + T[0, 3], y + T[1, 3], z + T[2, 3], q[3]
 
 
 @kernel(inline="always")

@@ -29,7 +29,6 @@ from obstacles.collision.edge_check import FREE, ROUNDING_ERROR
 from obstacles.collision.lanes.distance import (
     ball_at,
     beyond_grid,
-    box_gap,
     closer,
     enter_group,
     frame_at,
@@ -43,7 +42,7 @@ from obstacles.collision.model.kernel_work import Workspace, place_row, workspac
 from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.state_check import exact_verdict, verdict_in
 from obstacles.distance.ball_distance import closed_form
-from obstacles.distance.bvh import FIRST, LAST, SKIP
+from obstacles.distance.bvh import FIRST, LAST, SKIP, gap
 from obstacles.distance.piece_set import (
     MARGIN,
     NODE_STOP,
@@ -179,7 +178,7 @@ def _around_body(
             k = items[entry]
             entry += 1
         elif node < end:
-            near = bits(box_gap(nodes, node, p) <= square) & open_lanes
+            near = bits(gap(nodes, node, p[0], p[1], p[2]) <= square) & open_lanes
             if near == 0:
                 node = int(nodes[node, SKIP])
             else:

@@ -49,18 +49,6 @@ Point = tuple[Lanes, Lanes, Lanes]
 
 
 @kernel(allocates=False, inline="code")
-def box_gap(nodes: Array, node: int, p: Point) -> Lanes:
-    """``bvh.gap`` of points."""
-    x, y, z = p
-    dx = max(nodes[node, 0] - x, x - nodes[node, 3])
-    dy = max(nodes[node, 1] - y, y - nodes[node, 4])
-    dz = max(nodes[node, 2] - z, z - nodes[node, 5])
-    dx, dy, dz = max(dx, 0.0), max(dy, 0.0), max(dz, 0.0)
-    square: Lanes = dx * dx + dy * dy + dz * dz
-    return square
-
-
-@kernel(allocates=False, inline="code")
 def _outside(a: Lanes, b: Lanes, c: Lanes) -> Lanes:
     """How far out is what is a, b and c beyond three planes at right angles."""
     deepest = max(a, b)

@@ -16,7 +16,6 @@ from obstacles.collision.edge_check import ROUNDING_ERROR
 from obstacles.collision.lanes.check import write_frames, write_states
 from obstacles.collision.lanes.distance import (
     ball_at,
-    box_gap,
     cell_of,
     closer,
     frame_at,
@@ -28,7 +27,7 @@ from obstacles.collision.lanes.distance import (
 from obstacles.collision.model.brackets import AFTER, OUTER
 from obstacles.collision.model.kernel_work import LAST_GROUP, Workspace, meeting_body
 from obstacles.collision.model.model_arrays import ModelArrays
-from obstacles.distance.bvh import FIRST, LAST, SKIP
+from obstacles.distance.bvh import FIRST, LAST, SKIP, gap
 from obstacles.distance.piece_set import MARGIN, OWNER, RADIUS
 
 #: Length of a stretch, Euclidean in joint space; a motion is divided into eight at least, and so
@@ -225,7 +224,7 @@ def _around_body(
             k = items[entry]
             entry += 1
         elif node < end:
-            near = bits(box_gap(nodes, node, p) <= square)
+            near = bits(gap(nodes, node, p[0], p[1], p[2]) <= square)
             if near == 0:
                 node = int(nodes[node, SKIP])
             else:

@@ -8,6 +8,7 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.simd import LANES
 from compiled.simd_transpose import aligned_kernel
+from compiled.vec3 import Vector, load, store
 from kinematics.arrays import Array, Indices
 from kinematics.forward import frames_kernel
 from kinematics.simd_frames import FRAME_SIZE
@@ -339,12 +340,18 @@ def pair_drift(
 @kernel(allocates=False)
 def place_ball(rows: Array, i: int, frames: Array, joint: int, placed: Array) -> None:
     """Bring the middle of row i into the base frame."""
-    x, y, z = rows[i, CENTER], rows[i, CENTER + 1], rows[i, CENTER + 2]
-    for axis in range(3):
-        placed[i, CENTER + axis] = (
-            frames[joint, axis, 0] * x + frames[joint, axis, 1] * y + frames[joint, axis, 2] * z
-            + frames[joint, axis, 3]
-        )  # fmt: skip
+    store(placed[i], CENTER, moved(frames, joint, load(rows[i], CENTER)))
+
+
+@kernel(allocates=False, inline="code")
+def moved(frames: Array, joint: int, p: Vector) -> Vector:
+    """A point of a body in the base frame."""
+    T = frames[joint]
+    return (
+        T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2] + T[0, 3],
+        T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2] + T[1, 3],
+        T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2] + T[2, 3],
+    )
 
 
 @kernel(allocates=False, inline="code")

@@ -20,6 +20,7 @@ from obstacles.distance.box_pairs import (
     gap_along,
     gap_in_first,
     gap_in_second,
+    in_frame,
     is_halfspace,
     triangle_gap,
     write_plane,
@@ -250,12 +251,7 @@ def _inside(rows: Array, j: int, corners: Array, nodes: Array, point: Vector) ->
     through, the other two outvote it.
     """
     p, row = POSE, rows[j]
-    x, y, z = point[0] - row[p + 3], point[1] - row[p + 7], point[2] - row[p + 11]
-    local = (
-        row[p] * x + row[p + 4] * y + row[p + 8] * z,
-        row[p + 1] * x + row[p + 5] * y + row[p + 9] * z,
-        row[p + 2] * x + row[p + 6] * y + row[p + 10] * z,
-    )
+    local = in_frame(row, point[0] - row[p + 3], point[1] - row[p + 7], point[2] - row[p + 11])
     votes = 0
     for w in range(3):
         u, v = (w + 1) % 3, (w + 2) % 3
