@@ -9,21 +9,21 @@ the motion is at rest there with no acceleration. With Q(tau) = q(phi(tau)),
     dq/dt^2 = Q'^2 c,    d2q/dt2 = Q'' c + Q' c'/2,
     d3q/dt3 = sqrt(c) (Q''' c + 3 Q'' c'/2 + Q' c''/2).
 
-Limits of velocity, acceleration and jerk on a spline of the squared speed, evaluated in kernels.
+With x = c(tau) the square of dtau/dt on a path q(tau), each limit of velocity, acceleration or jerk
+is one of
 
-With x = c(tau) the square of dtau/dt on a path q(tau), the limits of velocity, acceleration and
-jerk on the path are
+    low - m c^(-1/2) <= w c + r c' + p c'' <= high + m c^(-1/2),
 
-    c <= x_max,    lo <= e c + f c' <= up,    |w c + r c' + p c''| <= c^(-1/2),
-
-and the time is the integral of c^(-1/2). Let c be a quadratic B-spline: with cell lengths h_k, the
-unknown z_k belonging to cell k, and knot i between the cells i and i + 1,
+with m = 1 for the jerk and 0 for the others, and the time is the integral of c^(-1/2). Let c be a
+quadratic B-spline: with cell lengths h_k, the unknown z_k belonging to cell k, and knot i between
+the cells i and i + 1,
 
     C_i = (h_(i+1) z_i + h_i z_(i+1)) / (h_i + h_(i+1)),
     D_i = 2 (z_(i+1) - z_i) / (h_i + h_(i+1))
 
 are c and c' at the knot, and c'' = (D_k - D_(k-1)) / h_k all over cell k. Two cells of length 0 at
-the ends carry c at the ends.
+the ends carry c at the ends. Limits stand at places, the two ends of each cell in turn; those of
+velocity and acceleration, which do not ask for c'', at one place of each knot.
 """
 
 import math
@@ -44,131 +44,124 @@ class JerkLimits(NamedTuple):
 
     Args:
         lengths: Lengths of the cells, 0 at both ends, shape (N + 2,).
-        caps: Largest c at the knots, inf where there is none, shape (N + 1,).
-        knot_rows: (e, f, lo, up) of lo <= e c + f c' <= up, shape (N + 1, R, 4).
-        knot_counts: How many rows of each knot count, shape (N + 1,).
-        jerk_rows: (w, r, p) of |w c + r c' + p c''| <= c^(-1/2) at the two ends of each cell,
-            shape (N, 2, S, 3).
-        jerk_counts: How many rows of each cell count, shape (N,).
+        maps: Matrices from z of a place's cell and of the two beside it to c, c' and c'', shape
+            (2 N, 3, 3).
+        rows: (w, r, p, low, high, m) of the limits at each place, shape (2 N, R, 6). The first row
+            of a knot is that of the velocity.
+        counts: Number of rows of each place, shape (2 N,).
         pulls: Time that c at the two ends is made to stand for, so that it is as large as can be
             although it hardly matters for the true time, shape (2,).
     """
 
     lengths: Array
-    caps: Array
-    knot_rows: Array
-    knot_counts: NDArray[np.int64]
-    jerk_rows: Array
-    jerk_counts: NDArray[np.int64]
+    maps: Array
+    rows: Array
+    counts: NDArray[np.int64]
     pulls: Array
 
 
 @kernel(allocates=False)
-def knot_kernel(h: Array, z: Array, i: int) -> tuple[float, float]:
-    """C_i and D_i."""
-    total = h[i] + h[i + 1]
-    c = (h[i + 1] * z[i] + h[i] * z[i + 1]) / total
-    d = 2.0 * (z[i + 1] - z[i]) / total
-    return c, d
+def place_kernel(maps: Array, z: Array, i: int) -> tuple[float, float, float]:
+    """c, c' and c'' at place i."""
+    m, k = maps[i], i // 2
+    a, b, c = z[k], z[k + 1], z[k + 2]
+    return (
+        m[0, 0] * a + m[0, 1] * b + m[0, 2] * c,
+        m[1, 0] * a + m[1, 1] * b + m[1, 2] * c,
+        m[2, 0] * a + m[2, 1] * b + m[2, 2] * c,
+    )
 
 
 @kernel(allocates=False)
-def jerk_at_kernel(row: Array, c: float, d: float, e: float) -> float:
-    """The linear part w c + r c' + p c'' of a jerk row."""
+def value_kernel(row: Array, c: float, d: float, e: float) -> float:
+    """W c + r c' + p c'' of a row."""
     value: float = row[0] * c + row[1] * d + row[2] * e
     return value
 
 
-@kernel
-def inside_kernel(rows: JerkLimits, z: Array) -> bool:
+@kernel(allocates=False)
+def slacks_kernel(row: Array, value: float, root: float) -> tuple[float, float]:
+    """How far a row's value is above its lower and below its upper bound, with c^(-1/2)."""
+    low: float = value - row[3] + row[5] * root
+    high: float = row[4] - value + row[5] * root
+    return low, high
+
+
+@kernel(allocates=False)
+def inside_kernel(limits: JerkLimits, z: Array) -> bool:
     """Whether every limit is kept strictly."""
-    h, caps, knot_rows, knot_counts, jerk_rows, jerk_counts = rows[:6]
-    cells = h.shape[0] - 2
-    for k in range(cells + 2):
+    for k in range(z.shape[0]):
         if not z[k] > 0.0:
             return False
-    for i in range(cells + 1):
-        c, d = knot_kernel(h, z, i)
-        if not c < caps[i]:
-            return False
-        for k in range(knot_counts[i]):
-            value = knot_rows[i, k, 0] * c + knot_rows[i, k, 1] * d
-            if not knot_rows[i, k, 2] < value < knot_rows[i, k, 3]:
-                return False
-    for k in range(1, cells + 1):
-        c0, d0 = knot_kernel(h, z, k - 1)
-        c1, d1 = knot_kernel(h, z, k)
-        e = (d1 - d0) / h[k]
-        bound0, bound1 = 1.0 / math.sqrt(c0), 1.0 / math.sqrt(c1)
-        for j in range(jerk_counts[k - 1]):
-            if not abs(jerk_at_kernel(jerk_rows[k - 1, 0, j], c0, d0, e)) < bound0:
-                return False
-            if not abs(jerk_at_kernel(jerk_rows[k - 1, 1, j], c1, d1, e)) < bound1:
+    for i in range(limits.counts.shape[0]):
+        c, d, e = place_kernel(limits.maps, z, i)
+        root = 1.0 / math.sqrt(c)
+        for k in range(limits.counts[i]):
+            row = limits.rows[i, k]
+            low, high = slacks_kernel(row, value_kernel(row, c, d, e), root)
+            if not (low > 0.0 and high > 0.0):
                 return False
     return True
 
 
 @kernel
-def decisive_kernel(rows: JerkLimits, z: Array, share: float) -> JerkLimits:
-    """The limits of which more than a share is used at z, and all caps; the others don't count."""
-    h, caps, knot_rows, knot_counts, jerk_rows, jerk_counts, pulls = rows
-    cells = h.shape[0] - 2
-    knots, knots_left = knot_rows.copy(), np.zeros_like(knot_counts)
-    jerks, jerks_left = jerk_rows.copy(), np.zeros_like(jerk_counts)
-    for i in range(cells + 1):
-        c, d = knot_kernel(h, z, i)
-        for k in range(knot_counts[i]):
-            value = knot_rows[i, k, 0] * c + knot_rows[i, k, 1] * d
-            if value > share * knot_rows[i, k, 3] or value < share * knot_rows[i, k, 2]:
-                knots[i, knots_left[i]] = knot_rows[i, k]
-                knots_left[i] += 1
-    for k in range(1, cells + 1):
-        c0, d0 = knot_kernel(h, z, k - 1)
-        c1, d1 = knot_kernel(h, z, k)
-        e = (d1 - d0) / h[k]
-        steepest = 0.0
-        for j in range(jerk_counts[k - 1]):
-            steepest = max(steepest, abs(jerk_rows[k - 1, 0, j, 2]))
-        for j in range(jerk_counts[k - 1]):
-            # That of the joint that moves most always counts: nothing else keeps c from swinging.
-            leads = abs(jerk_rows[k - 1, 0, j, 2]) == steepest
-            used0 = abs(jerk_at_kernel(jerk_rows[k - 1, 0, j], c0, d0, e)) * math.sqrt(c0)
-            used1 = abs(jerk_at_kernel(jerk_rows[k - 1, 1, j], c1, d1, e)) * math.sqrt(c1)
-            if leads or max(used0, used1) > share:
-                jerks[k - 1, :, jerks_left[k - 1]] = jerk_rows[k - 1, :, j]
-                jerks_left[k - 1] += 1
-    return JerkLimits(h, caps, knots, knots_left, jerks, jerks_left, pulls)
+def decisive_kernel(limits: JerkLimits, z: Array, share: float) -> JerkLimits:
+    """The limits of which more than a share is used at z, and those of the velocity."""
+    rows, counts = np.empty_like(limits.rows), np.zeros_like(limits.counts)
+    for i in range(counts.shape[0]):
+        c, d, e = place_kernel(limits.maps, z, i)
+        root, steepest = 1.0 / math.sqrt(c), 0.0
+        for k in range(limits.counts[i]):
+            steepest = max(steepest, abs(limits.rows[i, k, 2]))
+        for k in range(limits.counts[i]):
+            row = limits.rows[i, k]
+            value = value_kernel(row, c, d, e)
+            most = max(value / (row[4] + row[5] * root), value / (row[3] - row[5] * root))
+            # The jerk of the joint that moves most always counts: nothing else keeps c from
+            # swinging.
+            leads = row[5] > 0.0 and abs(row[2]) == steepest
+            if leads or most > share or (row[1] == 0.0 and row[2] == 0.0):
+                rows[i, counts[i]] = row
+                counts[i] += 1
+    return JerkLimits(limits.lengths, limits.maps, rows, counts, limits.pulls)
 
 
 @kernel
-def time_kernel(rows: JerkLimits, z: Array) -> float:
+def tightened_kernel(limits: JerkLimits, ratios: Array) -> JerkLimits:
+    """The limits, lower where the motion between its knots exceeds them by the ratios (3, N)."""
+    rows, last = limits.rows.copy(), ratios.shape[1] - 1
+    for i in range(rows.shape[0]):
+        velocity, acceleration, knot = 1.0, 1.0, (i + 1) // 2
+        for cell in range(max(knot - 1, 0), min(knot, last) + 1):
+            velocity *= max(ratios[0, cell], 1.0) ** 2
+            acceleration *= max(ratios[1, cell], 1.0)
+        for k in range(limits.counts[i]):
+            factor = velocity if k == 0 else acceleration
+            if rows[i, k, 5] > 0.0:
+                factor = max(ratios[2, i // 2], 1.0)
+            for m in range(3):
+                rows[i, k, m] *= factor
+    return JerkLimits(limits.lengths, limits.maps, rows, limits.counts, limits.pulls)
+
+
+@kernel(allocates=False)
+def time_kernel(limits: JerkLimits, z: Array) -> float:
     """The time that is made the least: the integral of c^(-1/2), each cell at its own z."""
     time = 0.0
     for k in range(z.shape[0]):
-        time += weight_kernel(rows, k) / math.sqrt(z[k])
+        time += weight_kernel(limits, k) / math.sqrt(z[k])
     return time
 
 
 @kernel(allocates=False)
-def weight_kernel(rows: JerkLimits, k: int) -> float:
+def weight_kernel(limits: JerkLimits, k: int) -> float:
     """Weight of z_k in the integral over tau."""
-    weight: float = rows.lengths[k]
+    weight: float = limits.lengths[k]
     if k == 0:
-        weight = rows.pulls[0]
-    elif k == rows.lengths.shape[0] - 1:
-        weight = rows.pulls[1]
+        weight = limits.pulls[0]
+    elif k == limits.lengths.shape[0] - 1:
+        weight = limits.pulls[1]
     return weight
-
-
-@kernel(allocates=False)
-def count_kernel(rows: JerkLimits) -> int:
-    """Number of limits."""
-    count = 0
-    for i in range(rows.caps.shape[0]):
-        count += 2 * rows.knot_counts[i] + (1 if rows.caps[i] < np.inf else 0)
-    for k in range(rows.jerk_counts.shape[0]):
-        count += 4 * rows.jerk_counts[k]
-    return count
 
 
 @kernel
@@ -191,16 +184,16 @@ def envelope_kernel(h: Array, rises: Array, z: Array) -> None:
 
 
 @kernel
-def scale_kernel(rows: JerkLimits, z: Array, inside: float) -> bool:
+def scale_kernel(limits: JerkLimits, z: Array, inside: float) -> bool:
     """Make z the part ``inside`` of its largest multiple inside all limits; False if none is."""
     low, high = -1.0, 1.0
-    while not inside_kernel(rows, z * math.exp(low)):
+    while not inside_kernel(limits, z * math.exp(low)):
         low *= 2.0
         if not low > -500.0:
             return False
     for _ in range(8):
         middle = 0.5 * (low + high)
-        if inside_kernel(rows, z * math.exp(middle)):
+        if inside_kernel(limits, z * math.exp(middle)):
             low = middle
         else:
             high = middle
@@ -209,30 +202,30 @@ def scale_kernel(rows: JerkLimits, z: Array, inside: float) -> bool:
 
 
 @kernel
-def start_kernel(rows: JerkLimits, z: Array) -> bool:
+def start_kernel(limits: JerkLimits, z: Array) -> bool:
     """Write a shape between constant and as fast as the limits allow place by place, inside all.
 
     Args:
-        rows: The limits.
+        limits: The limits.
         z: Filled, shape (N + 2,).
 
     Returns:
         False where not even standing nearly still is inside.
     """
-    caps, rises = np.empty(rows.caps.shape[0]), np.empty(rows.caps.shape[0])
-    _still_kernel(rows, caps, rises)
+    caps, rises = np.empty(z.shape[0] - 1), np.empty(z.shape[0] - 1)
+    _still_kernel(limits, caps, rises)
     last, shape = z.shape[0] - 1, np.empty(z.shape[0])
     for k in range(1, last):
         shape[k] = min(caps[k - 1], caps[k])
     shape[0], shape[last] = shape[1], shape[last - 1]
-    envelope_kernel(rows.lengths, rises, shape)
+    envelope_kernel(limits.lengths, rises, shape)
     best, found = np.inf, False
     # First guesses are these powers of the highest speeds place by place, as fast as stays inside.
     for power in (1.0, 0.7, 0.4, 0.0):
         trial = shape**power
-        if not scale_kernel(rows, trial, 0.7):
+        if not scale_kernel(limits, trial, 0.7):
             continue
-        time = time_kernel(rows, trial)
+        time = time_kernel(limits, trial)
         if not found or time < best:
             best, found = time, True
             z[:] = trial
@@ -240,25 +233,20 @@ def start_kernel(rows: JerkLimits, z: Array) -> bool:
 
 
 @kernel(allocates=False)
-def _still_kernel(rows: JerkLimits, caps: Array, rises: Array) -> None:
+def _still_kernel(limits: JerkLimits, caps: Array, rises: Array) -> None:
     """Write the largest c at each knot where c stands still, and its largest change to the next."""
-    h, last = rows.lengths, rows.caps.shape[0] - 1
-    for i in range(last + 1):
-        cap, slope = rows.caps[i], np.inf
-        for k in range(rows.knot_counts[i]):
-            e, f, low, high = rows.knot_rows[i, k]
-            if e > 0.0:
-                cap = min(cap, high / e)
-            elif e < 0.0:
-                cap = min(cap, low / e)
-            if f != 0.0:
-                slope = min(slope, min(high, -low) / abs(f))
-        for cell, end in ((i, 0), (i - 1, 1)):
-            for k in range(rows.jerk_counts[cell] if 0 <= cell < last else 0):
-                most = abs(rows.jerk_rows[cell, end, k, 0])
-                if most > 0.0:
-                    cap = min(cap, most ** (-2.0 / 3.0))
-        caps[i], rises[i] = cap, 0.5 * slope * (h[i] + h[i + 1])
+    caps[:], rises[:] = np.inf, np.inf
+    for i in range(limits.counts.shape[0]):
+        knot = (i + 1) // 2
+        for k in range(limits.counts[i]):
+            w, r, _, low, high, root = limits.rows[i, k]
+            if w != 0.0:
+                cap = abs(w) ** (-2.0 / 3.0) if root > 0.0 else max(high / w, low / w)
+                caps[knot] = min(caps[knot], cap)
+            if r != 0.0 and root == 0.0:
+                rises[knot] = min(rises[knot], min(high, -low) / abs(r))
+    for i in range(rises.shape[0]):
+        rises[i] *= 0.5 * (limits.lengths[i] + limits.lengths[i + 1])
 
 
 # phi(T) / T: the length of a ramp for each unit of tau.
@@ -272,13 +260,13 @@ class Grid(NamedTuple):
         places: s at the knots, shape (N + 1,).
         speeds: ds/dtau and d2s/dtau2 at the knots, shape (2, N + 1).
         pieces: The path's piece of each cell, shape (N,).
-        rows: The limits.
+        limits: The limits.
     """
 
     places: Array
     speeds: Array
     pieces: NDArray[np.int64]
-    rows: JerkLimits
+    limits: JerkLimits
 
 
 class _Pace(NamedTuple):
@@ -398,29 +386,35 @@ def grid(
         cells = _FEW if extra is None and straight.any() else _FINE
     places = _knots(breaks, straight, ramps, [speed == 0.0 for speed in speeds], cells)
     pieces = np.searchsorted(breaks, 0.5 * (places[1:] + places[:-1]), side="right") - 1
-    phi, size = pace.derivatives(places), len(pieces)
-    jerk_rows, knot_rows = np.empty((size, 2, path.n, 3)), np.empty((size + 1, path.n, 4))
-    caps = np.full(size + 1, np.inf)
-    at = KnotPlaces(places, pieces, straight, phi)
-    limit_rows_kernel(c, breaks, at, limits, caps, knot_rows, jerk_rows)
-    flat = straight[pieces]
+    phi = pace.derivatives(places)
+    count = len(places)
+    more = KnotLimits(np.full(count, np.inf), np.zeros((count, 0, 4)))
+    if extra is not None:
+        more = extra(path, places)
     for end, speed in ((0, speeds[0]), (-1, speeds[1])):
         if speed > 0.0:
-            caps[end] = min(caps[end], speed**2)
-    counts = np.where(np.append(flat, True) & np.append(True, flat), 1, path.n)
-    if extra is not None:
-        caps, knot_rows, counts = _with_extra(extra(path, places), phi, caps, knot_rows, counts)
+            more.caps[end] = min(more.caps[end], speed**2)
+    rows = np.zeros((2 * len(pieces), 1 + more.rows.shape[1] + 2 * path.n, 6))
+    counts = np.empty(len(rows), dtype=np.int64)
+    at = KnotPlaces(places, pieces, straight, phi)
+    limit_rows_kernel(c, breaks, at, limits, more, rows, counts)
+    lengths = np.concatenate([[0.0], np.diff(pace.tau(places)), [0.0]])
     # A speed asked for at an end counts like this part of the path run through at it.
-    rows = JerkLimits(
-        np.concatenate([[0.0], np.diff(pace.tau(places)), [0.0]]),
-        caps,
-        np.ascontiguousarray(knot_rows),
-        counts.astype(np.int64),
-        jerk_rows,
-        np.where(flat, 1, path.n).astype(np.int64),
-        np.where(np.array(speeds) > 0.0, 0.1 * float(breaks[-1]), 0.0),
-    )
-    return Grid(places, phi[:2], pieces.astype(np.int64), rows)
+    pulls = np.where(np.array(speeds) > 0.0, 0.1 * float(breaks[-1]), 0.0)
+    on_spline = JerkLimits(lengths, _maps(lengths), rows, counts, pulls)
+    return Grid(places, phi[:2], pieces.astype(np.int64), on_spline)
+
+
+def _maps(h: Array) -> Array:
+    """The matrices of ``JerkLimits`` on cells of lengths (N + 2,)."""
+    here, before, after = h[1:-1], h[:-2] + h[1:-1], h[1:-1] + h[2:]
+    maps = np.zeros((len(here), 2, 3, 3))
+    maps[:, 0, 0, 0], maps[:, 0, 0, 1] = here / before, h[:-2] / before
+    maps[:, 1, 0, 1], maps[:, 1, 0, 2] = h[2:] / after, here / after
+    maps[:, 0, 1, 1], maps[:, 1, 1, 2] = 2.0 / before, 2.0 / after
+    maps[:, 0, 1, 0], maps[:, 1, 1, 1] = -2.0 / before, -2.0 / after
+    maps[:, :, 2] = ((maps[:, 1, 1] - maps[:, 0, 1]) / here[:, None])[:, None]
+    return maps.reshape(-1, 3, 3)
 
 
 @kernel
@@ -429,71 +423,76 @@ def limit_rows_kernel(
     breaks: Array,
     at: KnotPlaces,
     limits: Array,
-    caps: Array,
-    knot_rows: Array,
-    jerk_rows: Array,
+    more: KnotLimits,
+    rows: Array,
+    counts: NDArray[np.int64],
 ) -> None:
-    """Write the limits of ``JerkLimits``.
+    """Write the rows of ``JerkLimits`` and their numbers.
 
-    Where all about a knot or in a cell is straight the row of the tightest joint comes first: it
-    decides for all.
+    Where all about a place is straight the row of the tightest joint decides for all.
 
     Args:
         coefficients: Coefficients of the path, shape (p, n, d + 1), d at most 3.
         breaks: Breaks of the path, shape (p + 1,).
         at: The knots.
         limits: Limits of velocity, acceleration and jerk, shape (3, n).
-        caps: Comes as inf, shape (N + 1,).
-        knot_rows: Shape (N + 1, n, 4).
-        jerk_rows: Shape (N, 2, n, 3).
+        more: Further limits at the knots.
+        rows: Shape (2 N, R, 6).
+        counts: Shape (2 N,).
     """
-    (n, size), cells = coefficients.shape[1:], at.pieces.shape[0]
-    for k in range(cells):
+    n, cells = coefficients.shape[1], at.pieces.shape[0]
+    slopes, Q = np.empty(n), np.empty((3, n))
+    for i in range(2 * cells):
+        k, knot, used = i // 2, (i + 1) // 2, 0
         piece = at.pieces[k]
-        leads, lead = -1.0, 0
-        for end in range(2):
-            i, u = k + end, at.places[k + end] - breaks[piece]
-            p1, p2, p3 = at.pace[0, i], at.pace[1, i], at.pace[2, i]
-            is_knot = end == 0 or k == cells - 1
-            tightest, first = -1.0, 0
-            for j in range(n):
-                c = coefficients[piece, j]
-                c2, c3 = c[2] if size > 2 else 0.0, c[3] if size > 3 else 0.0
-                q1, q2, q3 = c[1] + (2.0 * c2 + 3.0 * c3 * u) * u, 2.0 * c2 + 6.0 * c3 * u, 6.0 * c3
-                Q1, Q2 = q1 * p1, q2 * p1 * p1 + q1 * p2
-                Q3 = q3 * p1**3 + 3.0 * q2 * p1 * p2 + q1 * p3
-                row = jerk_rows[k, end, j]
-                row[0], row[1], row[2] = Q3, 1.5 * Q2, 0.5 * Q1
-                for m in range(3):
-                    row[m] /= limits[2, j]
-                if end == 0 and abs(q1) / limits[2, j] > leads:
-                    leads, lead = abs(q1) / limits[2, j], j
-                if is_knot:
-                    row = knot_rows[i, j]
-                    row[0], row[1] = Q2 / limits[1, j], 0.5 * Q1 / limits[1, j]
-                    row[2], row[3] = -1.0, 1.0
-                    if Q1 != 0.0:
-                        caps[i] = min(caps[i], (limits[0, j] / Q1) ** 2)
-                    if abs(q1) / limits[1, j] > tightest:
-                        tightest, first = abs(q1) / limits[1, j], j
-            flat = at.straight[piece] and (k == 0 or end == 1 or at.straight[at.pieces[k - 1]])
-            if is_knot and flat:
-                knot_rows[i, 0] = knot_rows[i, first]
-        if at.straight[piece]:
-            for end in range(2):
-                jerk_rows[k, end, 0] = jerk_rows[k, end, lead]
+        is_straight = at.straight[piece]
+        p1, p2, p3 = at.pace[0, knot], at.pace[1, knot], at.pace[2, knot]
+        cap = more.caps[knot] / (p1 * p1)
+        for j in range(n):
+            q1, q2, q3 = slopes_kernel(coefficients[piece, j], at.places[knot] - breaks[piece])
+            slopes[j] = abs(q1)
+            Q[0, j], Q[1, j] = q1 * p1, q2 * p1 * p1 + q1 * p2
+            Q[2, j] = q3 * p1**3 + 3.0 * q2 * p1 * p2 + q1 * p3
+            if Q[0, j] != 0.0:
+                cap = min(cap, (limits[0, j] / Q[0, j]) ** 2)
+        if i % 2 == 0 or k == cells - 1:
+            rows[i, 0, 0], rows[i, 0, 3], rows[i, 0, 4] = 1.0 / cap, -np.inf, 1.0
+            used = 1
+            for m in range(more.rows.shape[1]):
+                a, b, low, high = more.rows[knot, m]
+                row = rows[i, used]
+                row[0], row[1], row[3], row[4] = a * p2 + b * p1 * p1, 0.5 * a * p1, low, high
+                used += 1
+            alone = is_straight and (k == 0 or i % 2 == 1 or at.straight[at.pieces[k - 1]])
+            first, last = _deciding(slopes, limits[1], alone)
+            for j in range(first, last):
+                row, most = rows[i, used], limits[1, j]
+                row[0], row[1], row[3], row[4] = Q[1, j] / most, 0.5 * Q[0, j] / most, -1.0, 1.0
+                used += 1
+        first, last = _deciding(slopes, limits[2], is_straight)
+        for j in range(first, last):
+            row, most = rows[i, used], limits[2, j]
+            row[0], row[1], row[2] = Q[2, j] / most, 1.5 * Q[1, j] / most, 0.5 * Q[0, j] / most
+            row[5] = 1.0
+            used += 1
+        counts[i] = used
 
 
-def _with_extra(
-    more: KnotLimits, phi: Array, caps: Array, rows: Array, counts: NDArray[np.int64]
-) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Further limits in terms of c, put before those that are there already."""
-    speed, bend = phi[0][:, None], phi[1][:, None]
-    with np.errstate(divide="ignore"):
-        caps = np.minimum(caps, more.caps / phi[0] ** 2)
-    a, b, low, high = np.moveaxis(more.rows, -1, 0)
-    added = np.stack([a * bend + b * speed**2, 0.5 * a * speed, low, high], axis=-1)
-    return caps, np.concatenate([added, rows], axis=1), counts + added.shape[1]
+@kernel(allocates=False)
+def _deciding(slopes: Array, limits: Array, alone: bool) -> tuple[int, int]:
+    """The first joint that has a row, and the one after the last: the tightest, or all."""
+    first = 0
+    for j in range(slopes.shape[0]):
+        if slopes[j] / limits[j] > slopes[first] / limits[first]:
+            first = j
+    return (first, first + 1) if alone else (0, slopes.shape[0])
+
+
+@kernel(allocates=False)
+def slopes_kernel(c: Array, u: float) -> tuple[float, float, float]:
+    """First three derivatives of a polynomial of degree 3 at most, of its coefficients (d + 1,)."""
+    c2, c3 = c[2] if c.shape[0] > 2 else 0.0, c[3] if c.shape[0] > 3 else 0.0
+    return c[1] + (2.0 * c2 + 3.0 * c3 * u) * u, 2.0 * c2 + 6.0 * c3 * u, 6.0 * c3
 
 
 def _pace(

@@ -27,7 +27,9 @@ from planning.timing.jerk.grid import (
     grid,
     inside_kernel,
     scale_kernel,
+    slopes_kernel,
     start_kernel,
+    tightened_kernel,
 )
 from planning.timing.jerk.interior_point import least_time_kernel
 from planning.timing.options import TimingFailed
@@ -42,17 +44,28 @@ def phases_kernel(states: Array, phases: Array) -> bool:
     """Write (start, speed, acceleration / 2, jerk / 6, duration) of the phases; False if none fit.
 
     Args:
-        states: (s, v, a) at the knots, shape (N + 1, 3).
+        states: (s, v, a) at the knots, shape (N + 1, 3). Accelerations between which no phases fit
+            are lowered.
         phases: Shape (2 N, 5).
     """
+    for _ in range(states.shape[0]):
+        fits = True
+        for i in range(states.shape[0] - 1):
+            way, total = states[i + 1, 0] - states[i, 0], states[i, 1] + states[i + 1, 1]
+            change = states[i + 1, 2] - states[i, 2]
+            if not 12.0 * change * way <= 9.0 * total * total:
+                # Between two of at most this size some do, whatever their signs.
+                fits, most = False, 0.37 * total * total / way
+                for row in states[i : i + 2]:
+                    row[2] = min(max(row[2], -most), most)
+        if fits:
+            break
     for i in range(states.shape[0] - 1):
         s0, v0, a0 = states[i]
         s1, v1, a1 = states[i + 1]
         way, total = s1 - s0, v0 + v1
         square = 9.0 * total * total + 12.0 * (a0 - a1) * way
-        if not square >= 0.0:
-            return False
-        h = 12.0 * way / (3.0 * total + math.sqrt(square))
+        h = 12.0 * way / (3.0 * total + math.sqrt(max(square, 0.0)))
         if not 0.0 < h < np.inf:
             return False
         A, B = (a1 - a0) / h, (v1 - v0 - a0 * h) / (h * h)
@@ -85,7 +98,6 @@ def ratios_kernel(
         limits: Limits of velocity, acceleration and jerk, shape (3, n).
         ratios: Shape (3, N).
     """
-    n, size = coefficients.shape[1:]
     for i in range(pieces.shape[0]):
         worst_v, worst_a, worst_j = 0.0, 0.0, 0.0
         for phase in range(2 * i, 2 * i + 2):
@@ -95,12 +107,8 @@ def ratios_kernel(
                 u = start + (one + (two + three * t) * t) * t - breaks[pieces[i]]
                 v = one + (2.0 * two + 3.0 * three * t) * t
                 a, j = 2.0 * two + 6.0 * three * t, 6.0 * three
-                for joint in range(n):
-                    c = coefficients[pieces[i], joint]
-                    c2 = c[2] if size > 2 else 0.0
-                    c3 = c[3] if size > 3 else 0.0
-                    q1 = c[1] + (2.0 * c2 + 3.0 * c3 * u) * u
-                    q2, q3 = 2.0 * c2 + 6.0 * c3 * u, 6.0 * c3
+                for joint in range(coefficients.shape[1]):
+                    q1, q2, q3 = slopes_kernel(coefficients[pieces[i], joint], u)
                     worst_v = max(worst_v, abs(q1 * v) / limits[0, joint])
                     worst_a = max(worst_a, abs(q1 * a + q2 * v * v) / limits[1, joint])
                     third = q1 * j + 3.0 * q2 * v * a + q3 * v * v * v
@@ -298,38 +306,29 @@ def _curved_phases(
 ) -> tuple[Array, Indices]:
     """The phases of a section, their starts within the path's pieces, and those pieces."""
     made = grid(path, limits, speeds, extra, _ROUGH_CELLS if rough else None)
-    rows = made.rows
-    z = np.empty(len(rows.lengths))
-    if not start_kernel(rows, z):
+    on_spline = made.limits
+    z = np.empty(len(on_spline.lengths))
+    if not start_kernel(on_spline, z):
         raise _no_speed()
     # Barrier parameter at the start from a first guess, far from the limits, and what the time may
     # exceed the least one by: the first round only shows where limits between knots are exceeded.
-    least_time_kernel(rows, z, 0.3, _ROUGH_TOLERANCE if rough else 1e-2)
-    phases = _phases(made, z, speeds)
-    rounds = 0
-    while True:
-        if phases is None:
-            rows = _limit_changes(rows, z)
-        elif rough:
-            break
-        else:
-            ratios = np.empty((3, len(made.pieces)))
-            ratios_kernel(path.coefficients, made.pieces, path.breaks, phases, limits, ratios)
-            if extra is not None:
-                _widen(ratios, extra(path, phases[1::2, 0]), phases[1::2])
-            excess = max(float(r.max()) ** (1.0 / k) for k, r in enumerate(ratios, 1))
-            # Where the motion between knots takes longer than this without exceeding limits, they
-            # are lowered there and the speeds found anew: of the excess hardly a tenth is left each
-            # time.
-            if excess < 1.01 or rounds >= _ROUNDS:
-                break
-            rows = _tighten_limits(rows, ratios)
-        if rounds >= 12:
-            raise _no_speed()
-        rounds += 1
-        # What is outside by less than this is mended in the next round, if there is one.
-        z = _faster(rows, z, _NEARLY_INSIDE if rounds >= _ROUNDS else 0.8)
+    least_time_kernel(on_spline, z, 0.3, _ROUGH_TOLERANCE if rough else 1e-2)
+    for rounds in range(_ROUNDS + 1):
         phases = _phases(made, z, speeds)
+        if rough:
+            break
+        ratios = np.empty((3, len(made.pieces)))
+        ratios_kernel(path.coefficients, made.pieces, path.breaks, phases, limits, ratios)
+        if extra is not None:
+            _widen(ratios, extra(path, phases[1::2, 0]), phases[1::2])
+        excess = max(float(r.max()) ** (1.0 / k) for k, r in enumerate(ratios, 1))
+        # Where the motion between knots takes longer than this without exceeding limits, they are
+        # lowered there and the speeds found anew: of the excess hardly a tenth is left each time.
+        if excess < 1.01 or rounds == _ROUNDS:
+            break
+        on_spline = tightened_kernel(on_spline, ratios)
+        # What is outside by less than this is mended in the next round, if there is one.
+        z = _faster(on_spline, z, 0.8 if rounds + 1 < _ROUNDS else _NEARLY_INSIDE)
     owners = np.repeat(made.pieces, 2)
     phases[:, 0] -= path.breaks[owners]
     if extra is not None:
@@ -340,56 +339,27 @@ def _curved_phases(
     return made_phases[:used], whose[:used]
 
 
-def _faster(rows: JerkLimits, z: Array, enough: float) -> Array:
+def _faster(limits: JerkLimits, z: Array, enough: float) -> Array:
     """The least time from a z that is nearly right, by the limits that matter.
 
     Where that is not inside all limits even when made smaller by ``enough``, by all of them.
     """
     # Limits that less than this part of is used hardly matter to the next round, which leaves them
     # out.
-    decisive = decisive_kernel(rows, z, 0.3)
+    decisive = decisive_kernel(limits, z, 0.3)
     found = z.copy()
     if not scale_kernel(decisive, found, _NEARLY_INSIDE):
         raise _no_speed()
     # Barrier parameter at the start from a guess that is nearly right [-].
     near = 0.03
     least_time_kernel(decisive, found, near, TOLERANCE)
-    if inside_kernel(rows, enough * found):
+    if inside_kernel(limits, enough * found):
         return found
     z = z.copy()
-    if not scale_kernel(rows, z, _NEARLY_INSIDE):
+    if not scale_kernel(limits, z, _NEARLY_INSIDE):
         raise _no_speed()
-    least_time_kernel(rows, z, near, TOLERANCE)
+    least_time_kernel(limits, z, near, TOLERANCE)
     return z
-
-
-def _tighten_limits(rows: JerkLimits, ratios: Array) -> JerkLimits:
-    """The limits, lower where the motion between its knots exceeds them by the ratios (3, N)."""
-    velocity, acceleration, jerk = np.maximum(ratios, 1.0)
-    caps, knot_rows = rows.caps.copy(), rows.knot_rows.copy()
-    for knots in (slice(None, -1), slice(1, None)):
-        caps[knots] /= velocity**2
-        knot_rows[knots, :, :2] *= acceleration[:, None, None]
-    jerk_rows = rows.jerk_rows * jerk[:, None, None, None]
-    return rows._replace(caps=caps, knot_rows=knot_rows, jerk_rows=jerk_rows)
-
-
-def _limit_changes(rows: JerkLimits, z: Array) -> JerkLimits:
-    """The limits, with c kept from changing much faster than from knot to knot.
-
-    Where the tangent of the path vanishes, as at the ends of a clamped spline, no speed along it is
-    too high, and cubics in time can't follow.
-    """
-    c = _at_knots(rows.lengths, z)
-    near = np.pad(c, 2, mode="edge")
-    least = np.min([near[k : k + len(c)] for k in range(5)], axis=0)
-    # Where no phases fit, c may be at most this many times what it is nearby.
-    return rows._replace(caps=np.minimum(rows.caps, 2.0 * least))
-
-
-def _at_knots(h: Array, z: Array) -> Array:
-    """The c at the knots."""
-    return np.asarray((h[1:] * z[:-1] + h[:-1] * z[1:]) / (h[:-1] + h[1:]))
 
 
 def _widen(ratios: Array, more: KnotLimits, middles: Array) -> None:
@@ -402,11 +372,11 @@ def _widen(ratios: Array, more: KnotLimits, middles: Array) -> None:
     ratios[1] = np.maximum(ratios[1], over)
 
 
-def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array | None:
-    """Two phases a cell, shape (2 N, 5), their starts along the whole path; None if none fit."""
-    h = made.rows.lengths
-    c = _at_knots(h, z)
-    slope = 2.0 * np.diff(z) / (h[:-1] + h[1:])
+def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array:
+    """Two phases a cell, shape (2 N, 5), their starts along the whole path."""
+    h = made.limits.lengths
+    both = h[:-1] + h[1:]
+    c, slope = (h[1:] * z[:-1] + h[:-1] * z[1:]) / both, 2.0 * np.diff(z) / both
     speed, bend = made.speeds
     v, a = speed * np.sqrt(c), bend * c + 0.5 * speed * slope
     for end, wanted in ((0, speeds[0]), (-1, speeds[1])):
@@ -419,8 +389,9 @@ def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array | None:
             )
         v[end] = wanted
     phases = np.empty((2 * len(made.pieces), 5))
-    fit = phases_kernel(np.column_stack([made.places, v, a]), phases)
-    return phases if fit else None
+    if not phases_kernel(np.column_stack([made.places, v, a]), phases):
+        raise _no_speed()
+    return phases
 
 
 def _no_speed() -> TimingFailed:

@@ -141,15 +141,20 @@ def test_the_scale_of_a_path_does_not_matter(size: float) -> None:
     assert scaled.duration == pytest.approx(size * whole.duration, rel=1e-3)
 
 
-@pytest.mark.parametrize("slow", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("slow", [1e-2, 1e-4, 1e-6])
 def test_ramps_that_are_short_beside_a_slow_motion_are_kept(slow: float) -> None:
     rng = np.random.default_rng(9)
     limits = slow * PANDA_VELOCITY, PANDA_ACCELERATION, JERK
-    for _ in range(8):
+    for _ in range(15):
         waypoints = rng.uniform(-1.0, 1.0, (5, 7))
-        motion = timed(blend(waypoints, largest_reaches(waypoints), smooth=True), *limits)
+        path = blend(waypoints, largest_reaches(waypoints), smooth=True)
+        motion = timed(path, *limits)
         assert (np.diff(motion.breaks) > 0.0).all()
         assert worst_ratio(motion, limits[0], 1) <= 1.0 + 1e-9
+        # Beside the way at full speed ramps take no time.
+        slopes = np.abs(path.sample(np.linspace(0.0, path.breaks[-1], 2000), 1))
+        least = path.length * (slopes / limits[0]).max(axis=1).mean()
+        assert motion.duration == pytest.approx(least, rel=0.15)
 
 
 def test_what_no_bounded_jerk_can_follow_is_refused() -> None:
