@@ -7,6 +7,8 @@ vector of R_1 R_0^T, the shorter way round unless the longer one is asked for.
 """
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
@@ -120,6 +122,17 @@ class ToolMotion:
         middle = 0.5 * self.sweep
         angle -= 2.0 * np.pi * np.round((angle - middle) / (2.0 * np.pi))
         return np.clip(angle / self.sweep, 0.0, 1.0)
+
+
+@contextmanager
+def naming(where: str, **details: int) -> Iterator[None]:
+    """A refusal within the block names where in the request it is."""
+    try:
+        yield
+    except InvalidGoal as error:
+        raise InvalidGoal(
+            f"{where}: {error.message}", hint=error.hint, **details, **error.details
+        ) from None
 
 
 def line(T_start: Array, T_end: Array) -> ToolMotion:

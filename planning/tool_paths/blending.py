@@ -26,6 +26,8 @@ from planning.tool_motions.tool_path import ToolRun
 
 #: Corners sharper than this are reversals: a blend would be narrower than it is long [rad].
 _REVERSAL = math.radians(170.0)
+#: Corners flatter than this are run through without a blend, within a tolerance [rad].
+FLAT_CORNER = math.radians(30.0)
 #: Motions and blends shorter than this are none [m].
 _SHORTEST = 1e-6
 
@@ -42,7 +44,8 @@ def runs(
     Args:
         motions: Motions in order, k of them, each from where the one before ends.
         blends: Distance from the end of each motion at which the tool may leave it [m], shape (k,);
-            0 for a rest. At most half of both motions is cut; the last one is not used.
+            0 for a rest, with arcs at corners that are not flat. At most half of both motions is
+            cut; the last one is not used.
         arcs: Whether corners are rounded by arcs, else without a jump of curvature.
         axis_only: Whether of each motion at its end only the tool's axis z is asked for, which
             alone is led through the corner then; with arcs.
@@ -85,15 +88,17 @@ def _run(parts: list[tuple[ToolCurve, int, bool]]) -> ToolRun:
 def _distance(first: ToolMotion, second: ToolMotion, blend: float, *, arcs: bool) -> float | None:
     """Distance from a corner at which its blend begins [m]; None where the tool rests."""
     shorter = min(first.length, second.length)
-    if not blend > 0.0 or shorter < _SHORTEST:
+    if shorter < _SHORTEST:
         return None
     angle = corner_angle(first, second)
+    # Corners flatter than this need no rest between arcs within a tolerance.
+    unblended = 0.0 if arcs and angle <= FLAT_CORNER else None
     # Directions that differ by less go on in each other without a blend [rad].
-    if angle <= 1e-6 and (arcs or _go_on_alike(first, second)):
+    if blend > 0.0 and angle <= 1e-6 and (arcs or _go_on_alike(first, second)):
         return 0.0
     # Share of a motion that the blend of one of its corners may take.
     distance = min(blend, 0.5 * shorter)
-    return None if angle > _REVERSAL or distance < _SHORTEST else distance
+    return unblended if angle > _REVERSAL or distance < _SHORTEST else distance
 
 
 def _go_on_alike(first: ToolMotion, second: ToolMotion) -> bool:

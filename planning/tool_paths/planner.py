@@ -27,7 +27,7 @@ from planning.planner import Query
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import Attempt, Failure, ToolMotionReport
 from planning.timing.options import TimingOptions
-from planning.tool_motions.tool_motion import ToolMotion, arc_about, arc_via, line
+from planning.tool_motions.tool_motion import ToolMotion, arc_about, arc_via, line, naming
 from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath
 from planning.tool_paths.blending import runs
 from planning.tool_paths.seams.planner import plan_seam
@@ -190,7 +190,7 @@ def tool_motion(
     # The first begins where the arm stands, which nobody wrote.
     written = index > 0 or item.T_base_start is not None
     start_rounding = rounding(T[:3, 3]) if written else 0.0
-    try:
+    with naming(f"motions[{index}]", motion=index):
         if item.kind == "lin":
             motion = line(T, end)
         elif item.via is not None:
@@ -205,11 +205,7 @@ def tool_motion(
                 "the tool does not turn, so that no rotation is the longer one",
                 hint="Give the axis by a motion of half a turn, and another one.",
             )
-        return replace(motion, longer=item.longer)
-    except InvalidGoal as error:
-        raise InvalidGoal(
-            f"motions[{index}]: {error.message}", hint=error.hint, motion=index, **error.details
-        ) from None
+    return replace(motion, longer=item.longer)
 
 
 def repairs(options: CartesianOptions, motions: tuple[ToolMotion, ...]) -> tuple[str, ...]:
@@ -449,8 +445,7 @@ def _constraint_failure(problem: Problem, tool_path: ToolPath) -> Failure | None
 def _end_details(chain: Chain, tool_path: ToolPath) -> dict[str, Any]:
     """Progress of the tool and the reason for its stop, as values."""
     segment, stop = tool_path.segments[-1], tool_path.stop
-    reached = 1.0 if stop is None else segment.reached
-    last = tool_path.runs[-1].parts_until(reached)[-1]
+    last = tool_path.runs[-1].parts_until(segment.reached)[-1]
     T = forward(chain, segment.end)
     pose = {
         "position": T[:3, 3].tolist(),
@@ -459,7 +454,7 @@ def _end_details(chain: Chain, tool_path: ToolPath) -> dict[str, Any]:
     progress = {
         "fraction": tool_path.fraction,
         "motion": last.asked,
-        "motion_fraction": min((reached - last.begin) / (last.end - last.begin), 1.0),
+        "motion_fraction": min((segment.reached - last.begin) / (last.end - last.begin), 1.0),
         "nearest": {"joints": segment.end.tolist(), "pose": pose},
     }
     if stop is None:

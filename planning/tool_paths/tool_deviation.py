@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.forward import forward
 from kinematics.model.chain import Chain
 from planning.tool_motions.tool_corner import ToolCorner, ToolCurve
@@ -49,23 +49,42 @@ def pieces_within(
     m, n, size = coefficients.shape
     since = np.outer(np.diff(breaks), (np.arange(_SAMPLES) + 0.5) / _SAMPLES)
     joints = np.einsum("mnk,msk->msn", coefficients, since[..., None] ** np.arange(size))
-    T = forward(chain, joints.reshape(-1, n)).reshape(m, _SAMPLES, 4, 4)
+    joints = joints.reshape(-1, n)
+    T = forward(chain, joints)
     if run.tolerances:
-        errors = box_errors(chain, *_own_places(run, T.reshape(-1, 4, 4)), joints.reshape(-1, n))
-        return np.asarray((errors <= tolerances).reshape(m, -1).all(axis=1))
-    within = np.zeros(m, dtype=np.bool_)
-    # Places of pieces and motions that differ by less are the same.
-    same_place = 1e-12
-    for part in run.parts:
-        first = int(np.searchsorted(places, part.begin - same_place))
-        last = int(np.searchsorted(places[:-1], part.end - same_place))
-        off = tool_deviations(part.motion, T[first:last].reshape(-1, 4, 4))
-        within[first:last] = (off <= tolerances).reshape(-1, 2 * _SAMPLES).all(axis=1)
-    return within
+        owners = _own_motions(run, T)
+    else:
+        # Places of pieces and motions that differ by less are the same.
+        same_place = 1e-12
+        at = np.searchsorted(run.breaks[1:-1] - same_place, places[:-1], side="right")
+        owners = np.repeat(at, _SAMPLES)
+    errors = run_errors(chain, run, owners, T, joints)
+    return np.asarray((errors <= tolerances).reshape(m, -1).all(axis=1))
 
 
-def _own_places(run: ToolRun, T: Array) -> tuple[Array, Array]:
-    """Poses asked for where the tool is with its poses T (k, 4, 4), and the boxes there.
+def run_errors(chain: Chain, run: ToolRun, owners: Indices, T: Array, joints: Array) -> Array:
+    """Deviations of the tool from its motions, or how far it is out of their boxes.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        run: The motions.
+        owners: Index of the motion that each pose is measured from, shape (k,).
+        T: Poses of the tool, shape (k, 4, 4).
+        joints: Its configurations, shape (k, n).
+
+    Returns:
+        Shape (k, 2) [m], [rad].
+    """
+    nominal = np.empty((len(T), 4, 4))
+    for k in np.unique(owners):
+        motion, mine = run.motions[k], owners == k
+        nominal[mine] = motion.poses(places_at(motion, T[mine]))
+    boxes = np.array([pack_tolerance(part.tolerance) for part in run.parts])[owners]
+    return box_errors(chain, nominal, boxes, joints)
+
+
+def _own_motions(run: ToolRun, T: Array) -> Indices:
+    """Index of the motion that the tool is on with its poses T (k, 4, 4), in order, shape (k,).
 
     Each point belongs to the motion up to the plane across the path at its end.
     """
@@ -76,24 +95,7 @@ def _own_places(run: ToolRun, T: Array) -> tuple[Array, Array]:
         while k < len(ends) and (point - ends[k]) @ across[k] >= 0.0:
             k += 1
         owners[i] = k
-    nominal = np.empty((len(T), 4, 4))
-    for k in np.unique(owners):
-        motion, mine = run.motions[k], owners == k
-        nominal[mine] = motion.poses(motion.places(T[mine, :3, 3]))
-    return nominal, np.array([pack_tolerance(box) for box in run.tolerances])[owners]
-
-
-def tool_deviations(motion: ToolCurve, T: Array) -> Array:
-    """Deviations of tool poses (k, 4, 4) from a motion [m], [rad], shape (k, 2)."""
-    nominal = motion.poses(places_at(motion, T))
-    chord = np.linalg.norm(T[:, :3, :3] - nominal[:, :3, :3], axis=(1, 2))
-    return np.column_stack(
-        [
-            np.linalg.norm(T[:, :3, 3] - nominal[:, :3, 3], axis=1),
-            # Of two rotations, |A - B| = 2 sqrt(2) sin(angle / 2): exact where it is small.
-            2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0)),
-        ]
-    )
+    return owners
 
 
 def places_at(motion: ToolCurve, T: Array) -> Array:

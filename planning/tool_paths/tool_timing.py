@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory, concatenate, stay
@@ -23,7 +22,7 @@ from planning.timing.time_scaling import ScaledTime
 from planning.tool_motions.passing_times import passing_times
 from planning.tool_motions.timed_tool_motions import SpeedBand, TimedToolMotions
 from planning.tool_motions.tool_path import RunPart, Tolerances, ToolPath, ToolRun
-from planning.tool_paths.tool_deviation import pieces_within, tool_deviations
+from planning.tool_paths.tool_deviation import pieces_within
 from planning.values.limits import MotionLimits
 
 #: Spans for each second that are tried in turn [1/s], and spans at least.
@@ -138,11 +137,8 @@ def time_tool_path(
 
 def _begun_parts(path: ToolPath) -> list[RunPart]:
     """Motions that were begun, in order."""
-    return [
-        part
-        for run, segment in zip(path.runs, path.segments, strict=True)
-        for part in run.parts_until(1.0 if segment.stop is None else segment.reached)
-    ]
+    pairs = zip(path.runs, path.segments, strict=True)
+    return [part for run, segment in pairs for part in run.parts_until(segment.reached)]
 
 
 def _reports(
@@ -159,15 +155,15 @@ def _reports(
     for k, (run, segment) in enumerate(zip(path.runs, path.segments, strict=True)):
         now += transits[k].duration if k in transits else 0.0
         then = now
-        reached = 1.0 if segment.stop is None else segment.reached
-        parts = run.parts_until(reached)
+        parts = run.parts_until(segment.reached)
         ends = [0.0] * len(parts)
         slower: Sequence[SpeedLimit | None] = [None] * len(parts)
         if segment.path is not None:
             timed, slower = next(remaining)
             ends = passing_times(chain, segment.path, timed, parts)
         for part, end, limit in zip(parts, ends, slower, strict=True):
-            motion, share = part.motion, (reached - part.begin) / (part.end - part.begin)
+            motion = part.motion
+            share = (segment.reached - part.begin) / (part.end - part.begin)
             reports.append(
                 ToolMotionReport(
                     motion.kind, motion.length, motion.angle, min(share, 1.0), then,
@@ -356,11 +352,14 @@ def spline_near(
         longer = found.duration / motion.duration
         if longer > WORTH or (best is not timed and longer > fast):
             continue
-        if len(run.motions) == 1:
-            times = np.linspace(0.0, found.duration, 8 * found.pieces + 1)
-            off = tool_deviations(run.motions[0], forward(chain, found.sample(times)))
-            if not (off <= allowed).all():
-                continue
+        places = found.breaks / found.duration
+        if (
+            len(run.motions) == 1
+            and not pieces_within(
+                chain, run, places, found.breaks, found.coefficients, allowed
+            ).all()
+        ):
+            continue
         if best is timed or found.duration < best.trajectory.duration:
             best = spline
         if longer <= fast:

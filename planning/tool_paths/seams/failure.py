@@ -27,6 +27,8 @@ from planning.tool_paths.tool_following import (
     stop_failure,
 )
 
+#: Columns of deviations that may be widened.
+_POSITION, _TILT, _SPIN = slice(RX), slice(RX, RZ), slice(RZ, None)
 _BEND_HINT = (
     "Allow a larger max_deviation, give the waypoints a blend, or lead the path through arcs (via) "
     "where it is a curve."
@@ -235,43 +237,34 @@ def _helpful_tolerances(search: SeamSearch) -> Iterator[dict[str, Any]]:
     # Time that is spent on that at most [s].
     deadline = search.deadline.within(min(0.5 * search.deadline.remaining, 3.0))
 
-    def suffices(widen: Callable[[ToolTolerance, float], ToolTolerance], size: float) -> bool:
-        wide = {t: widen(t, size) for t in set(search.places.tolerances)}
+    def suffices(columns: slice, size: float) -> bool:
+        wide = {t: _widened(t, columns, size) for t in set(search.places.tolerances)}
         if deadline.passed or all(wide[t] is t for t in wide):
             return False
         places = replace(search.places, tolerances=tuple(wide[t] for t in search.places.tolerances))
         return replace(search, places=places, deadline=deadline).run().joints is not None
 
     # Sizes that are tried: half a turn, 45 degrees and 50 mm to either side at most.
-    spin = least_that(partial(suffices, _with_spin), math.pi, 0.05)
+    spin = least_that(partial(suffices, _SPIN), math.pi, 0.05)
     if spin is not None:
         yield {"free": ["rz"]} if spin >= math.pi else {"rz": [-spin, spin]}
-    tilt = least_that(partial(suffices, _with_tilt), math.radians(45.0), 0.02)
+    tilt = least_that(partial(suffices, _TILT), math.radians(45.0), 0.02)
     if tilt is not None:
         yield {"tilt": tilt}
-    position = least_that(partial(suffices, _with_position), 0.05, 0.001)
+    position = least_that(partial(suffices, _POSITION), 0.05, 0.001)
     if position is not None:
         yield {"position": position}
 
 
-def _with_spin(tolerance: ToolTolerance, size: float) -> ToolTolerance:
+def _widened(tolerance: ToolTolerance, columns: slice, size: float) -> ToolTolerance:
+    """The tolerance with ranges of some deviations to a size either way; itself if one is as wide.
+
+    Of half a turn on any angle will do.
+    """
     lower, upper = tolerance.lower.copy(), tolerance.upper.copy()
-    if not max(-lower[RZ], upper[RZ]) < size:
+    if not np.abs([lower[columns], upper[columns]]).max() < size:
         return tolerance
     reach = size if size < math.pi else np.inf
-    lower[RZ], upper[RZ] = -reach, reach
-    return replace(tolerance, lower=lower, upper=upper)
-
-
-def _with_tilt(tolerance: ToolTolerance, tilt: float) -> ToolTolerance:
-    lower, upper = tolerance.lower.copy(), tolerance.upper.copy()
-    if not (np.isfinite(lower[RX:RZ]).all() and np.abs([lower[RX:RZ], upper[RX:RZ]]).max() < tilt):
-        return tolerance
-    lower[RX:RZ], upper[RX:RZ] = -tilt, tilt
+    lower[columns], upper[columns] = -reach, reach
+    tilt = size if columns == _TILT else tolerance.tilt
     return replace(tolerance, lower=lower, upper=upper, tilt=tilt)
-
-
-def _with_position(tolerance: ToolTolerance, size: float) -> ToolTolerance:
-    lower, upper = tolerance.lower.copy(), tolerance.upper.copy()
-    lower[:RX], upper[:RX] = np.minimum(lower[:RX], -size), np.maximum(upper[:RX], size)
-    return replace(tolerance, lower=lower, upper=upper)

@@ -22,7 +22,7 @@ from planning.tool_motions.tool_tolerance import RX, ToolTolerance
 from planning.tool_paths.projection import REACHED
 from planning.tool_paths.seams.failure import explain_bend, explain_path
 from planning.tool_paths.seams.nodes import COARSE, DENSE, FINE, Density
-from planning.tool_paths.seams.path import SeamPlaces
+from planning.tool_paths.seams.path import SeamPlaces, spaced
 from planning.tool_paths.seams.search import SeamGraph, SeamJoints, SeamSearch
 from planning.tool_paths.tool_following import TIME, lead_tool, stop_failure
 
@@ -166,19 +166,16 @@ def _follow(search: SeamSearch, joints: Array, tolerances: Tolerances) -> ToolPa
 
 def _knots(places: SeamPlaces, first: int, last: int) -> NDArray[np.int64]:
     """Indices of the places that the spline of a run goes through at first."""
-    chosen = [first]
     # Way between two knots of a spline, where places are nearer together [m].
     # Turn of the tool between two knots, likewise [rad].
     # Bend of the path between two knots, likewise [rad].
     measure = np.max([places.along / 0.02, places.turned / 0.12, places.bent / 0.1], axis=0)
-    for k in range(first + 1, last):
-        if measure[k + 1] - measure[chosen[-1]] > 1.0:
-            chosen.append(k)
+    chosen = first + np.array(spaced(measure[first : last + 1]))
     # Knots of a spline at least.
     least_knots = 6
-    if last - first >= least_knots > len(chosen):
-        chosen = np.linspace(first, last, least_knots).round().astype(int)[:-1].tolist()
-    return np.array([*chosen, last])
+    if last - first >= least_knots >= len(chosen):
+        chosen = np.linspace(first, last, least_knots).round().astype(int)
+    return chosen
 
 
 def with_fewer_ranges(places: SeamPlaces, position: float) -> Iterator[SeamPlaces]:

@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.errors import InvalidGoal
-from planning.tool_motions.tool_motion import ToolMotion, arc_via, line, without_spin
+from planning.tool_motions.tool_motion import ToolMotion, arc_via, line, naming, without_spin
 from planning.tool_motions.tool_path import ToolRun
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
-from planning.tool_paths.blending import corner_angle, runs
+from planning.tool_paths.blending import runs
 from planning.tool_paths.projection import pack_tolerance
-
-#: Corners flatter than this are run through without a blend, within the tolerance [rad].
-FLAT_CORNER = math.radians(30.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +70,7 @@ class SeamPlaces:
         # Way between two layers of the search, where waypoints are nearer together [m].
         # Turn between two layers, likewise [rad].
         measure = np.maximum(self.along / 0.04, self.turned / 0.25)
-        chosen = [0]
-        for k in range(1, len(self.s)):
-            is_last = k == len(self.s) - 1
-            if is_last or measure[k + 1] - measure[chosen[-1]] > 1.0:
-                chosen.append(k)
-        return np.array(chosen)
+        return np.array(spaced(measure))
 
     @property
     def length(self) -> float:
@@ -99,11 +91,7 @@ def seam_runs(options: SeamOptions, blend: float) -> tuple[ToolRun, ...]:
     points = options.waypoints
     motions, axis_only = _ways(points), [point.axis_only for point in points[1:]]
     blends = [point.blend if point.blend is not None else blend for point in points[1:]]
-    rounded: list[ToolRun] = []
-    for first, last in _smooth_parts(motions, blends):
-        part = slice(first, last)
-        rounds = runs(motions[part], blends[part], arcs=True, axis_only=axis_only[part])
-        rounded += _join(rounds, first)
+    rounded = runs(motions, blends, arcs=True, axis_only=axis_only)
     boxes, speeds = [point.tolerance or options.tolerance for point in points], options.speeds
     return tuple(
         replace(
@@ -126,18 +114,20 @@ def _ways(points: Sequence[SeamWaypoint]) -> list[ToolMotion]:
     T = points[0].T_base_tip
     for k, (first, last) in enumerate(pairwise(points)):
         T_end = last.T_base_tip
-        try:
+        # Waypoints nearer to each other than this are the same place [m].
+        if np.linalg.norm(T_end[:3, 3] - T[:3, 3]) < 1e-6:
+            raise InvalidGoal(
+                f"waypoints[{k + 1}] is at the place of waypoints[{k}]",
+                hint="Leave one of them out; for a turn on the spot give motions.",
+                waypoint=k + 1,
+            )
+        with naming(f"between waypoints[{k}] and waypoints[{k + 1}]", waypoint=k + 1):
             if last.axis_only:
                 T_end = without_spin(T, T_end)
             elif first.axis_only:
                 T = without_spin(T_end, first.T_base_tip)
-        except InvalidGoal as error:
-            raise InvalidGoal(
-                f"between waypoints[{k}] and waypoints[{k + 1}] {error.message}",
-                hint=error.hint,
-                waypoint=k + 1,
-            ) from None
-        ways.append(_way(k, T, T_end, last.via))
+            way = line(T, T_end) if last.via is None else arc_via(T, T_end, last.via)
+        ways.append(way)
         T = T_end
     return ways
 
@@ -174,51 +164,13 @@ def through_spline(seam: SeamOptions) -> tuple[SeamOptions, float]:
     return replace(seam, waypoints=tuple(waypoints), through="polyline"), most
 
 
-def _way(k: int, T_start: Array, T_end: Array, via: Array | None) -> ToolMotion:
-    """The motion from the k-th waypoint to the next."""
-    away = float(np.linalg.norm(T_end[:3, 3] - T_start[:3, 3]))
-    # Waypoints nearer to each other than this are the same place [m].
-    if away < 1e-6:
-        raise InvalidGoal(
-            f"waypoints[{k + 1}] is at the place of waypoints[{k}]",
-            hint="Leave one of them out; for a turn on the spot give motions.",
-            waypoint=k + 1,
-        )
-    if via is None:
-        return line(T_start, T_end)
-    try:
-        return arc_via(T_start, T_end, via)
-    except InvalidGoal as error:
-        raise InvalidGoal(
-            f"waypoints[{k + 1}]: {error.message}", hint=error.hint, waypoint=k + 1, **error.details
-        ) from None
-
-
-def _smooth_parts(motions: Sequence[ToolMotion], blends: Sequence[float]) -> list[tuple[int, int]]:
-    """Ranges of motions between rests: corners that are sharp and have no blend."""
-    sharp = [
-        k + 1
-        for k in range(len(motions) - 1)
-        if blends[k] == 0.0 and corner_angle(motions[k], motions[k + 1]) > FLAT_CORNER
-    ]
-    starts = [0, *sharp]
-    return list(zip(starts, [*starts[1:], len(motions)], strict=True))
-
-
-def _join(parts: Sequence[ToolRun], first: int) -> list[ToolRun]:
-    """Runs of motions from the ``first`` on, joined where they meet at flat corners."""
-    joined: list[ToolRun] = []
-    for run in parts:
-        moved = replace(run, asked=tuple(asked + first for asked in run.asked))
-        if joined and corner_angle(joined[-1].motions[-1], run.motions[0]) <= FLAT_CORNER:
-            before = joined.pop()
-            moved = ToolRun(
-                before.motions + moved.motions,
-                before.asked + moved.asked,
-                before.blends + moved.blends,
-            )
-        joined.append(moved)
-    return joined
+def spaced(measure: Array) -> list[int]:
+    """Indices of the fewest of some places, in order, that a measure (k,) has 1 apart at most."""
+    chosen, last = [0], len(measure) - 1
+    for k in range(1, last):
+        if measure[k + 1] - measure[chosen[-1]] > 1.0:
+            chosen.append(k)
+    return [*chosen, last]
 
 
 def seam_places(runs: tuple[ToolRun, ...]) -> SeamPlaces:

@@ -18,7 +18,7 @@ from planning.timing.speed.effort_limits import knot_limits, slow_down
 from planning.timing.speed.minimum_time import time_path
 from planning.timing.time_scaling import ScaledTime, dilate, fit, peak_ratios
 from planning.tool_motions.tool_motion import ToolMotion
-from planning.tool_paths.tool_deviation import tool_deviations
+from planning.tool_paths.tool_deviation import run_errors
 from planning.tool_paths.tool_following import _Following, _spline
 from planning.values.limits import EffortLimits
 from tests.planning.proof.sabotage.trial import Lie, Sabotage
@@ -155,7 +155,7 @@ def _peaks_understated(sabotage: Sabotage) -> None:
 
 def _deviation_always_fine(sabotage: Sabotage) -> None:
     """Nothing is said to be off, and so no configuration is put in between."""
-    sabotage.replace(tool_deviations, lambda motion, T: np.zeros((len(T), 2)))
+    sabotage.replace(run_errors, lambda chain, run, owners, T, q: np.zeros((len(T), 2)))
 
 
 def _deviation_unseen(sabotage: Sabotage) -> None:

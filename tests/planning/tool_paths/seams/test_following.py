@@ -27,7 +27,7 @@ from planning.tool_paths.seams.failure import explain_search
 from planning.tool_paths.seams.following import refine, with_fewer_ranges
 from planning.tool_paths.seams.path import SeamPlaces, seam_places, seam_runs
 from planning.tool_paths.seams.search import SeamGraph, SeamSearch
-from planning.tool_paths.tool_deviation import _own_places
+from planning.tool_paths.tool_deviation import _own_motions, places_at
 from planning.values.deadline import Deadline
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, box, builtin
@@ -208,8 +208,11 @@ def test_ranges_across_the_path_are_kept_longest(
 
 def off_at_own_places(run: ToolRun, poses: np.ndarray) -> float:
     """How far poses are out of the box of a run at the places that the tool is at [m]."""
-    nominal, _ = _own_places(run, poses)
-    box = run.tolerances[0]
+    owners, box = _own_motions(run, poses), run.tolerances[0]
+    motions = [run.motions[k] for k in owners]
+    nominal = np.array(
+        [m.poses(places_at(m, T[None]))[0] for m, T in zip(motions, poses, strict=True)]
+    )
     return float(excess(box, deviations(box, nominal, poses))[:, 0].max())
 
 

@@ -23,9 +23,10 @@ from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Failure, Plan
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
+from planning.tool_paths.blending import FLAT_CORNER
 from planning.tool_paths.projection import pack_tolerance, project, project_kernel
 from planning.tool_paths.seams.nodes import COARSE, nodes, sample_deviations
-from planning.tool_paths.seams.path import FLAT_CORNER, seam_places, seam_runs, through_spline
+from planning.tool_paths.seams.path import seam_places, seam_runs, through_spline
 from planning.tool_paths.seams.search import Layers, Steps, Ways, layer_kernel
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, planned_motion
