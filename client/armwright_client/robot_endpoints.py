@@ -21,14 +21,7 @@ from armwright_client.answers import (
     WrenchAnswer,
     WrenchBatch,
 )
-from armwright_client.call import (
-    Call,
-    Endpoint,
-    create_call,
-    path,
-    read_nothing,
-    read_text,
-)
+from armwright_client.call import Call, Endpoint, create_call, path, read_nothing, read_text
 from armwright_client.options.arm_options import (
     CalibrateOptions,
     DynamicsOptions,
@@ -56,11 +49,7 @@ from armwright_wire.robots.dynamics import (
     RegressorRequest,
     WrenchRequest,
 )
-from armwright_wire.robots.identification import (
-    IdentifyAnswer,
-    IdentifyRequest,
-    LogBody,
-)
+from armwright_wire.robots.identification import IdentifyAnswer, IdentifyRequest, LogBody
 from armwright_wire.robots.kinematics import (
     Axis,
     FkRequest,
@@ -74,12 +63,12 @@ from armwright_wire.robots.robot import (
     DefaultLimits,
     GeometryAnswer,
     JointLimits,
+    RobotAnswer,
     RobotCalibration,
     RobotChanges,
     RobotInertias,
     RobotList,
 )
-from armwright_wire.robots.robot import RobotAnswer as Robot
 from armwright_wire.scenes.scene import SceneReference
 
 A = TypeVar("A")
@@ -119,14 +108,14 @@ class RobotEndpoints:
     @Endpoint
     def create(
         self, robot: RobotUpload | RobotArchive, *, idempotency_key: str | None = None
-    ) -> Call[Robot]:
+    ) -> Call[RobotAnswer]:
         """Store a robot under a name that is free, and give the model made of it."""
-        return create_call(path("robots"), Robot.read, robot, idempotency_key, _STORE_TIMEOUT)
+        return create_call(path("robots"), RobotAnswer.read, robot, idempotency_key, _STORE_TIMEOUT)
 
     @Endpoint
-    def get(self, name: str) -> Call[Robot]:
+    def get(self, name: str) -> Call[RobotAnswer]:
         """The model of a robot."""
-        return Call("GET", path("robots", name), Robot.read)
+        return Call("GET", path("robots", name), RobotAnswer.read)
 
     @Endpoint
     def change(
@@ -137,7 +126,7 @@ class RobotEndpoints:
         default_limits: DefaultLimits | None = None,
         inertias: RobotInertias | None = None,
         calibration: RobotCalibration | str | None = None,
-    ) -> Call[Robot]:
+    ) -> Call[RobotAnswer]:
         """Change a stored robot, and give the model made of it; see `RobotChanges`."""
         limits = joint_limits if isinstance(joint_limits, str | None) else dict(joint_limits)
         body = RobotChanges.of(
@@ -146,7 +135,7 @@ class RobotEndpoints:
             inertias=inertias,
             calibration=calibration,
         )
-        return Call("PATCH", path("robots", name), Robot.read, body, deadline=_STORE_TIMEOUT)
+        return Call("PATCH", path("robots", name), RobotAnswer.read, body, deadline=_STORE_TIMEOUT)
 
     @Endpoint
     def urdf(self, name: str, *, merge_limits: bool = False) -> Call[str]:

@@ -23,16 +23,12 @@ class FkOptions(HeldOptions, total=False):
     """Options of forward kinematics.
 
     Args:
-        link: Link whose pose is answered first; the tip if left out.
         orientation: Form of the orientations; quaternions if left out.
-        frame: A link that stands still, or "tool"; the root frame if left out.
         fingers: Positions of joints of the gripper [rad or m], a list for one position with each
             configuration; the others where the robot holds them.
     """
 
-    link: str | None
     orientation: Orientation | None
-    frame: str | None
     fingers: Mapping[str, float | Sequence[float]] | None
 
 
@@ -40,17 +36,13 @@ class JacobianOptions(HeldOptions, total=False):
     """Options of a Jacobian.
 
     Args:
-        link: The tip if left out.
         point: A point fixed to the link, in its frame [m]; its origin if left out.
         kind: "geometric" if left out.
-        frame: A link that stands still, or "tool"; the root frame if left out.
         axes: Rows that count, of velocities along x, y, z and about rx, ry, rz; all if left out.
     """
 
-    link: str
     point: VectorLike
     kind: Literal["geometric", "analytic_zyz"]
-    frame: str
     axes: Sequence[Axis]
 
 
@@ -101,20 +93,16 @@ class VelocityOptions(HeldOptions, total=False):
         joint_velocities: Joint velocities whose twist is asked for [rad/s or m/s].
         twist: (linear, angular), whose joint velocities are asked for [m/s, rad/s].
         nullspace: Joint velocities of which the part that leaves the link at rest is added.
-        link: The tip if left out.
         point: A point fixed to the link, in its frame [m]; its origin if left out.
         damped_below: Singular values below it are damped; 0 for the plain pseudo-inverse.
-        frame: Frame of the twist: a link that stands still, or "tool"; the root frame if left out.
         axes: Rows that count, in the order of the twist's numbers; all six if left out.
     """
 
     joint_velocities: VectorLike
     twist: VectorLike
     nullspace: VectorLike
-    link: str
     point: VectorLike
     damped_below: float
-    frame: str
     axes: Sequence[Axis]
 
 
@@ -174,18 +162,12 @@ class WrenchOptions(HeldOptions, total=False):
     """Options of a wrench: where it is exerted.
 
     Args:
-        link: The tip if left out.
         point: Point in the link's frame [m]; its origin if left out.
-        frame: Frame along whose axes the wrench is given: a link that stands still, or "tool"; the
-            root
-            frame if left out.
         axes: Parts of the wrench that may differ from 0, in the order of its numbers; all six if
             left out.
     """
 
-    link: str
     point: VectorLike
-    frame: str
     axes: Sequence[Axis]
 
 

@@ -45,9 +45,14 @@ class HeldOptions(ToolOptions, total=False):
 
     Args:
         attached: Objects whose frames are links of their ids, each at its pose.
+        link: Link that is meant; the tip if left out.
+        frame: Frame of the answer, and of a twist or wrench that is given: a link that stands
+            still, or "tool"; the root frame if left out.
     """
 
     attached: Sequence[Attached | Options] | None
+    link: str | None
+    frame: str | None
 
 
 class SceneOptions(ToolOptions, total=False):
@@ -77,6 +82,9 @@ class PlanningOptions(SceneOptions, total=False):
         timing: Speeds, and how time is found.
         limits: Limits of the joints, in place of the robot's.
         goal_costs: Costs of the configurations of a pose, of which the cheapest is taken.
+        stops: Stops that every motion is proved to have from every instant; it is slowed down for
+            them.
+        witness: Whether each certificate has a witness, from which anybody can check it.
         seed: Seed of all random choices: the same seed, the same answer.
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
@@ -85,23 +93,33 @@ class PlanningOptions(SceneOptions, total=False):
     timing: Timing
     limits: LimitsBody | None
     goal_costs: GoalCosts | None
+    stops: Stops
+    witness: bool
     seed: int
     keep: bool
 
 
-class CheckOptions(SceneOptions, total=False):
-    """Options of a collision check.
+class CellOptions(SceneOptions, total=False):
+    """Options of any request about configurations or motions that are given.
 
     Args:
         fingers: Positions of joints of the gripper meanwhile [rad or m].
-        margin: Distance to be kept [m].
+        margin: Distance to be kept from obstacles [m].
+    """
+
+    fingers: FingerPositions
+    margin: float
+
+
+class CheckOptions(CellOptions, total=False):
+    """Options of a collision check.
+
+    Args:
         depth: False leaves depths and clearance out, and nearly all of the time.
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
     depth: bool
-    fingers: FingerPositions
-    margin: float
     keep: bool
 
 
@@ -119,8 +137,6 @@ class PlanOptions(PlanningOptions, total=False):
         start_state_tolerance: A start or goal so little outside a limit is moved onto it
             [rad or m]; if left out a start by 0.01 % of the limit, a goal by 1e-6.
         path: Tolerance within which the motion keeps near the path of the answer.
-        stops: Stops that the motion is proved to have from every instant; it is slowed down for it.
-        witness: Whether the certificate has a witness, from which anybody can check it.
     """
 
     planner: PlannerName
@@ -132,18 +148,14 @@ class PlanOptions(PlanningOptions, total=False):
     collisions: Literal["check", "ignore"]
     start_state_tolerance: float
     path: PathTolerance
-    stops: Stops
-    witness: bool
 
 
-class ValidateOptions(SceneOptions, total=False):
+class ValidateOptions(CellOptions, total=False):
     """Options of `validate`: margins, limits and constraints beyond the robot's own limits.
 
     Args:
         limits: Limits in place of the robot's.
         constraints: Constraints that hold along the path.
-        fingers: Positions of joints of the gripper meanwhile [rad or m].
-        margin: Distance to be kept [m].
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
         tool_motions: Lines and arcs that the tool has to keep to.
         path: Waypoints that the joints have to be near, and the tolerance.
@@ -157,8 +169,6 @@ class ValidateOptions(SceneOptions, total=False):
 
     limits: LimitsBody
     constraints: Constraints
-    fingers: FingerPositions
-    margin: float
     collisions: Literal["check", "ignore"]
     tool_motions: TimedToolMotions
     path: PathToKeep
@@ -186,20 +196,16 @@ class RetimeOptions(ToolOptions, total=False):
     timeout: float | None
 
 
-class GuardOptions(SceneOptions, total=False):
+class GuardOptions(CellOptions, total=False):
     """Options of the gate: how the arm stops, and what its motions keep to.
 
     Args:
-        fingers: Positions of joints of the gripper meanwhile [rad or m].
-        margin: Distance to be kept [m].
         limits: Limits in place of the robot's.
         stop: Stops of the arm: "path", "joints" or "both".
         tracking: Distance of a state from the motion that the arm has, at most [rad or m].
         arm: Name of the arm itself, which one session at a time may guard.
     """
 
-    fingers: FingerPositions
-    margin: float
     limits: LimitsBody
     stop: Literal["path", "joints", "both"]
     tracking: float
@@ -240,17 +246,13 @@ class ProgramOptions(TypedDict, total=False):
     timeout: float | None
 
 
-class ExportOptions(SceneOptions, ProgramOptions, total=False):
+class ExportOptions(CellOptions, ProgramOptions, total=False):
     """Options of an export of a motion.
 
     Args:
-        margin: Distance to be kept [m].
-        fingers: Positions of joints of the gripper meanwhile [rad or m].
         premises: Premises of the certificate that the motion has; other ones are refused.
     """
 
-    margin: float
-    fingers: FingerPositions
     premises: Premises
 
 
@@ -325,16 +327,12 @@ class TaskOptions(PlanningOptions, total=False):
         fingers: Positions of joints of the gripper at the start [rad or m].
         improve: Time to look for a better answer after the first [s].
         allow_partial: Whether the first stages are an answer where not all can be done.
-        stops: Stops that every motion is proved to have from every instant.
-        witness: Whether each certificate has a witness, from which anybody can check it.
     """
 
-    stops: Stops
     objects: Sequence[MovedObject]
     fingers: Mapping[str, float]
     improve: float
     allow_partial: bool
-    witness: bool
 
 
 class TourOptions(PlanningOptions, total=False):
@@ -351,11 +349,8 @@ class TourOptions(PlanningOptions, total=False):
         rounds: Rounds of search and proof after the first tour that is proved.
         leg_timeout: Longest that one leg is planned [s].
         allow_partial: Whether a tour that leaves goals out is an answer.
-        stops: Stops that every leg is proved to have from every instant.
-        witness: Whether each certificate has a witness, from which anybody can check it.
     """
 
-    stops: Stops
     start: Start | None
     end: Literal["any", "start"] | Start
     precedence: Sequence[tuple[str, str]]
@@ -365,4 +360,3 @@ class TourOptions(PlanningOptions, total=False):
     rounds: int
     leg_timeout: float
     allow_partial: bool
-    witness: bool

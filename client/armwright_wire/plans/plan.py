@@ -15,7 +15,6 @@ from armwright_wire.base import (
     PlanId,
     Positive,
     Seed,
-    Timeout,
     examples,
 )
 from armwright_wire.goals.goal import (
@@ -140,13 +139,26 @@ _OPTIONS = (
 )
 
 
-class PlanRequest(SceneRequest, WithFingers, Keepable):
+class PlanningRequest(SceneRequest, Keepable):
+    """A request for motions of a robot."""
+
+    robot: Name = Field(examples=["panda"])
+    """name of a stored or built-in robot"""
+    timing: Timing = Field(default_factory=Timing)
+    """how paths become motions"""
+    limits: LimitsBody | None = None
+    """of the joints, in place of the robot's"""
+    goal_costs: GoalCosts | None = None
+    stops: Stops = "none"
+    witness: Witness = False
+    seed: Seed = 0
+
+
+class PlanRequest(PlanningRequest, WithFingers):
     """A motion to be planned."""
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("PlanRequest")})
 
-    robot: Name = Field(examples=["panda"])
-    """name of a stored or built-in robot"""
     start: Start
     goal: Goal
     planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = Field(
@@ -162,24 +174,16 @@ class PlanRequest(SceneRequest, WithFingers, Keepable):
     """optimise what the planner found; true for the least time"""
     constraints: Constraints | None = None
     clearance: Clearance | None = None
-    goal_costs: GoalCosts | None = None
     collisions: Collisions = "check"
     start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] | None = None
     """a start or goal outside a limit by no more is moved onto it [rad or m]; if left out a start
     by 0.01 % of the limit, as measurements miss it, a goal by 1e-6
     """
-    timing: Timing = Field(default_factory=Timing)
     path: PathTolerance | None = None
     """keep the motion near path.joints of the answer, proved: the path that is found, for keep_path
     of a potential field the descent's own; where refine, cartesian or braking leave that, few
     waypoints of the motion
     """
-    limits: LimitsBody | None = None
-    stops: Stops = "none"
-    witness: Witness = False
-    timeout: Timeout | None = None
-    """for all stages together [s]"""
-    seed: Seed = 0
 
     @model_validator(mode="before")
     @classmethod

@@ -4,25 +4,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from armwright_wire.base import (
-    Answer,
-    Body,
-    InFrame,
-    Keepable,
-    Label,
-    Name,
-    NonNegative,
-    PlanId,
-    Seed,
-    Timeout,
-    examples,
-)
-from armwright_wire.goals.goal import ConfigurationAnswer, GoalCosts, Start
+from armwright_wire.base import Answer, Body, InFrame, Label, NonNegative, PlanId, examples
+from armwright_wire.goals.goal import ConfigurationAnswer, Start
 from armwright_wire.goals.tool_motion import ReferencePoseAnswer
-from armwright_wire.motions.certificate import CertificateAnswer, Stops
-from armwright_wire.motions.timing import Timing
-from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer
-from armwright_wire.plans.plan import PathAnswer, Reproducibility, Stage, Witness
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.motions.trajectory import TrajectoryAnswer
+from armwright_wire.plans.plan import PathAnswer, PlanningRequest, Reproducibility, Stage
 from armwright_wire.plans.stages import MAX_STAGES, MAX_TARGETS, StageUnion
 from armwright_wire.pose import Pose, PoseAnswer
 from armwright_wire.scenes.check import (
@@ -30,7 +17,6 @@ from armwright_wire.scenes.check import (
     Attached,
     AttachedObjects,
     FingerPositions,
-    SceneRequest,
 )
 from armwright_wire.scenes.tool import HeldTip
 
@@ -44,13 +30,11 @@ class MovedObject(Body):
     """where it stands, in the root frame"""
 
 
-class TaskRequest(SceneRequest, Keepable):
+class TaskRequest(PlanningRequest):
     """A sequence of stages to be planned as one."""
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("TaskRequest")})
 
-    robot: Name = Field(examples=["panda"])
-    """name of the robot"""
     start: Start
     """where the arm stands"""
     stages: Annotated[list[StageUnion], Field(min_length=1, max_length=MAX_STAGES)]
@@ -65,20 +49,10 @@ class TaskRequest(SceneRequest, Keepable):
     """
     allowed_collisions: AllowedCollisions | None = None
     """pairs that may touch in all stages"""
-    timing: Timing = Field(default_factory=Timing)
-    """how paths become motions"""
-    limits: LimitsBody | None = None
-    """in place of the robot's"""
-    goal_costs: GoalCosts | None = None
-    stops: Stops = "none"
     improve: Annotated[NonNegative, Field(le=86_400.0)] = 0.0
     """time to look for a better answer after the first proved one [s]"""
     allow_partial: bool = False
     """the first stages are an answer where not all can be done"""
-    witness: Witness = False
-    timeout: Timeout | None = None
-    """for all stages together [s]"""
-    seed: Seed = 0
 
     @model_validator(mode="after")
     def _check_stops(self) -> "TaskRequest":

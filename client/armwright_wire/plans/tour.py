@@ -12,21 +12,16 @@ from armwright_wire.base import (
     Frame,
     InFrame,
     JointVector,
-    Keepable,
     Label,
-    Name,
     NonNegative,
     PlanId,
     Positive,
-    Seed,
-    Timeout,
     examples,
 )
 from armwright_wire.goals.goal import (
     Clearance,
     ConfigurationAnswer,
     Constraints,
-    GoalCosts,
     GoalLike,
     SingleGoal,
     Start,
@@ -34,13 +29,12 @@ from armwright_wire.goals.goal import (
     as_goal,
     given_fields,
 )
-from armwright_wire.motions.certificate import CertificateAnswer, Stops
-from armwright_wire.motions.timing import Timing
-from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer
-from armwright_wire.plans.plan import PathAnswer, Reproducibility, Witness
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.motions.trajectory import TrajectoryAnswer
+from armwright_wire.plans.plan import PathAnswer, PlanningRequest, Reproducibility
 from armwright_wire.pose import PoseInFrame
 from armwright_wire.robots.reach import ReachTolerance
-from armwright_wire.scenes.check import AllowedAnswers, SceneRequest
+from armwright_wire.scenes.check import AllowedAnswers
 
 MAX_GOALS = 500
 MAX_ROUNDS = 1_000
@@ -96,13 +90,11 @@ def as_tour_goal(goal: GoalLike) -> TourGoal:
     return TourGoal(**given_fields(as_goal(goal)))
 
 
-class TourRequest(SceneRequest, Keepable):
+class TourRequest(PlanningRequest):
     """Goals to be visited in the order that takes the least time."""
 
     model_config = ConfigDict(json_schema_extra={"examples": examples("TourRequest")})
 
-    robot: Name = Field(examples=["panda"])
-    """the robot"""
     start: Start | None = None
     """where the tour begins, at rest; at any goal if left out"""
     end: Literal["any", "start"] | Start = Field("any", examples=["start"])
@@ -117,27 +109,16 @@ class TourRequest(SceneRequest, Keepable):
     constraints: Constraints | None = None
     clearance: Clearance | None = None
     """distance to be kept wherever there is room; none if left out"""
-    goal_costs: GoalCosts | None = None
     start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] | None = None
     """a configuration outside a limit by no more is moved onto it [rad or m]; if left out a start
     or end by 0.01 % of the limit, as measurements miss it, a goal by 1e-6
     """
-    timing: Timing = Field(default_factory=Timing)
-    """of every leg"""
-    limits: LimitsBody | None = None
-    """of the joints, in place of the robot's"""
-    stops: Stops = "none"
     rounds: Annotated[int, Field(ge=0, le=MAX_ROUNDS)] = 20
     """rounds of search and proof after the first tour that is proved"""
     leg_timeout: Annotated[Positive, Field(le=600.0)] = 10.0
     """longest that one leg is planned [s]; before that, planners end after a number of edges"""
     allow_partial: bool = False
     """whether a tour that leaves goals out is an answer"""
-    witness: Witness = False
-    timeout: Timeout | None = None
-    """for the whole tour [s]"""
-    seed: Seed = 0
-    """of everything random"""
 
     @model_validator(mode="after")
     def _check_ends(self) -> "TourRequest":

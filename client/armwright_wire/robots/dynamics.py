@@ -12,7 +12,6 @@ from armwright_wire.base import (
     Frame,
     InFrame,
     Joints,
-    Label,
     Matrix,
     NonNegative,
     Point,
@@ -55,7 +54,6 @@ class WrenchRequest(WithHeldFrames, BodyWithRules):
 
     one_of: ClassVar[tuple[str, ...]] = ("wrench", "torques")
 
-    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     wrench: (
         TaskVector | Annotated[list[TaskVector], Field(min_length=1, max_length=MAX_BATCH)] | None
     ) = Field(None, examples=[[0.0, 0.0, -10.0, 0.0, 0.0, 0.5]])
@@ -66,11 +64,8 @@ class WrenchRequest(WithHeldFrames, BodyWithRules):
     """parts of the wrench that may differ from 0: forces along x, y, z and moments about rx, ry, rz
     of the frame; all six if left out
     """
-    link: Label | None = None
-    """the tip if left out"""
     point: Point | None = None
     """where on the link, in its frame [m]"""
-    frame: Frame | None = None
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:

@@ -47,8 +47,12 @@ FingerTrack = Annotated[list[Number], Field(min_length=1, max_length=MAX_BATCH)]
 
 
 class WithHeldFrames(WithTool):
-    """A request of kinematics that may name the frames of what is held."""
+    """A request of kinematics at configurations, which may name the frames of what is held."""
 
+    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
+    link: Label | None = None
+    """the tip if left out"""
+    frame: Frame | None = None
     attached: AttachedObjects | None = None
     """whose ids are links, each with its frame at its `pose`; no shape is needed"""
 
@@ -56,10 +60,6 @@ class WithHeldFrames(WithTool):
 class FkRequest(WithHeldFrames):
     """Configurations whose link poses are asked for."""
 
-    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
-    link: Label | None = None
-    """the tip if left out"""
-    frame: Frame | None = None
     orientation: Orientation = "quaternion_xyzw"
     """the form that orientations are answered in"""
     fingers: Annotated[dict[Label, Number | FingerTrack], Field(max_length=MAX_FINGERS)] | None = (
@@ -102,14 +102,10 @@ def check_task_vectors(vectors: Any, axes: Sequence[str] | None, name: str) -> N
 class JacobianRequest(WithHeldFrames):
     """Configurations whose Jacobians are asked for."""
 
-    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
-    link: Label | None = None
-    """the tip if left out"""
     point: Point | None = None
     """a point fixed to the link, in its frame [m]"""
     kind: Literal["geometric", "analytic_zyz"] = "geometric"
     """rows of the angular velocity, or of the rates of the ZYZ Euler angles"""
-    frame: Frame | None = None
     axes: TaskAxes | None = Field(None, examples=[["x", "y", "z"]])
     """rows that count, of velocities along x, y, z and about rx, ry, rz of the frame; all six if
     left out. rank, singular values and manipulability are of these
@@ -343,21 +339,17 @@ class VelocityRequest(WithHeldFrames, BodyWithRules):
     one_of: ClassVar[tuple[str, ...]] = ("joint_velocities", "twist")
     only_beside: ClassVar[Beside] = {"nullspace": ("twist",), "damped_below": ("twist",)}
 
-    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     joint_velocities: Joints | None = Field(None, examples=[[0.1] * 7])
     twist: (
         TaskVector | Annotated[list[TaskVector], Field(min_length=1, max_length=MAX_TWISTS)] | None
     ) = None
     """[v; w] in the frame, a number for each axis [m/s, rad/s]"""
-    frame: Frame | None = None
     axes: TaskAxes | None = Field(None, examples=[["x", "y"]])
     """rows that count, of velocities along x, y, z and about rx, ry, rz of the frame, in the order
     of the twist's numbers; all six if left out
     """
     nullspace: Joints | None = None
     """b: (I − J⁺J) b is added, which leaves the axes that count at rest"""
-    link: Label | None = None
-    """the tip if left out"""
     point: Point | None = None
     """a point fixed to the link, in its frame [m]"""
     damped_below: NonNegative | None = None
