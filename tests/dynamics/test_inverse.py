@@ -235,6 +235,12 @@ def test_a_batch_is_what_each_of_it_is_alone(name: str, lead: tuple[int, ...]) -
     for at in np.ndindex(*lead):
         np.testing.assert_allclose(many[at], call(CHAIN, q[at], v[at], a[at]), atol=1e-9)
     assert call(CHAIN, q[:0], v[:0], a[:0]).shape == (0, *many.shape[1:])
+    first = q[(0,) * len(lead)]
+    same = call(CHAIN, first, v, a)
+    for at in np.ndindex(*lead):
+        # What depends on the configuration alone is one answer.
+        one = same[at] if same.shape == many.shape else same
+        np.testing.assert_allclose(one, call(CHAIN, first, v[at], a[at]), atol=1e-9)
 
 
 BATCH_CHAIN = random_chain(3, 3)

@@ -7,7 +7,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.inverse import inverse_dynamics
 from dynamics.model.body import bodies, scale_masses
 from dynamics.model.payload import with_gravity, with_motors
 from dynamics.parameters.base_parameters import (
@@ -51,9 +50,6 @@ def test_reference_motion_has_the_christoffel_matrix(seed: int) -> None:
     )
     Y = reference_regressor(chain, q, qd, v, a)
     assert relative_error(Y @ standard_parameters(chain), expected) < 1e-12
-    whole = regressor(chain, q, qd, a)
-    torque = inverse_dynamics(chain, q, qd, a)
-    assert relative_error(whole @ standard_parameters(chain), torque) < 1e-12
 
 
 # Without friction, as published for the arms that are: 36 of the Puma 560, 43 of the Panda. The
@@ -82,10 +78,6 @@ def test_count_is_the_rank_of_pinocchios_regressors(name: str) -> None:
     # The base parameters explain all torques, on states that they were not found with.
     Theta = standard_parameters(chain, motors=False)
     assert relative_error(base.regressor(W) @ base.values, W @ Theta) < 1e-10
-    # A wrong model has other torques, and its base parameters say which.
-    other = scale_masses(chain, np.linspace(0.7, 1.4, chain.n))
-    expected = W @ standard_parameters(other, motors=False)
-    assert relative_error(base.regressor(W) @ base.of(other), expected) < 1e-10
     assert np.linalg.matrix_rank(base.regressor(W)) == base.count
 
 
@@ -111,18 +103,6 @@ def test_gravity_and_motors_decide_what_can_be_told_apart() -> None:
     assert base_parameters(level).names == ("Izz1 + 0.49 m2", "Izz2", "mx2", "my2")
     # J1 can't be told from Izz1; J2, B1, B2 can.
     assert base_parameters(arm, motors=True).count == 6 + 3
-
-
-def test_is_found_for_random_robots() -> None:
-    for seed in range(6):
-        chain = random_chain(seed, 2 + seed, motors=True)
-        base = base_parameters(chain, motors=True)
-        state = random_state(chain, seed + 50)
-        Y = regressor(chain, *state)
-        torque = Y @ standard_parameters(chain)
-        assert relative_error(base.regressor(Y) @ base.values, torque) < 1e-9
-        assert len(set(base.names)) == base.count
-    assert bodies(chain).rows.flags.writeable is False
 
 
 def observations(chain: Chain, motors: bool, seed: int = 90) -> Array:
@@ -153,6 +133,8 @@ def test_each_leads_its_own_combination_and_no_other(chain: Chain, motors: bool)
     assert base.parameter_names == parameter_names(chain, motors=motors)
     leaders = [name.split()[0] for name in base.names]
     assert leaders == [base.parameter_names[k] for k in base.columns]
+    assert len(set(base.names)) == base.count
+    assert not bodies(chain).rows.flags.writeable
 
 
 def read_back(base: BaseParameters, Theta: Array) -> list[float]:

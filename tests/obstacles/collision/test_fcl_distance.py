@@ -130,6 +130,9 @@ def test_flush_faces(gap: float) -> None:
         shift = [(a[0] + b[0]) / 2.0 + gap, *(0.2 * random.normal(size=2) * a[1:])]
         found = distance(Box(a), Box(b), transform(None, shift))
         assert gap - ACCURACY <= found <= gap + 1e-9
+        (one,), (other,), T = Box(a).pieces(), Box(b).pieces(), random_transform(random)
+        bounds = signed_distance(one, T, other, T @ transform(None, shift))
+        assert bounds == pytest.approx((gap, gap), abs=1e-9)
 
 
 def test_depths_of_spheres_boxes_and_capsules() -> None:

@@ -99,19 +99,6 @@ def test_coaxial_cylinders_are_bounded_although_no_direction_is_nearest() -> Non
     assert upper - lower < 1e-3
 
 
-@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-7, 0.0, -1e-7, -1e-3])
-def test_faces_that_nearly_touch(gap: float) -> None:
-    """Flush faces, where FCL's own answer can be centimetres off."""
-    random = np.random.default_rng(14)
-    for _ in range(10):
-        a, b = random.uniform(0.05, 1.0, 3), random.uniform(0.05, 1.0, 3)
-        T = random_transform(random)
-        shift = [(a[0] + b[0]) / 2.0 + gap, *(0.2 * random.normal(size=2) * a[1:])]
-        lower, upper = signed_distance(box(a), T, box(b), T @ transform(None, shift))
-        assert lower == pytest.approx(gap, abs=1e-9)
-        assert upper == pytest.approx(gap, abs=1e-9)
-
-
 def test_solids_without_inside() -> None:
     square = Piece(PieceKind.POLYTOPE, np.eye(4), SIGNS * [0.5, 0.5, 0.0])
     needle = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[0.0, 0, -1], [0, 0, 1]]))

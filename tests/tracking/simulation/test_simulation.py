@@ -38,7 +38,7 @@ from tracking.simulation.disturbance import (
     add_stops,
     stop_arrays,
 )
-from tracking.simulation.result import SimulationOutcome
+from tracking.simulation.result import SimulationOutcome, SimulationResult
 from tracking.simulation.setup import prepare
 from tracking.simulation.simulation import SimulationOptions, simulate
 
@@ -118,29 +118,20 @@ def test_acceleration_jumps_do_not_cost_accuracy() -> None:
     np.testing.assert_allclose(result.reference_position[-1], [2.0, -4.0])
 
 
-def test_an_unstable_loop_runs_away() -> None:
-    chain = slider(0.01)
-    result = simulate(
-        PdGravity(chain, np.array(1e4), np.array(100.0)),
-        constant(chain, np.zeros(1), 5.0),
-        replace(FREE, control_period=0.01),
-        initial_position=[0.1],
-    )
+def test_an_unstable_loop_runs_away_and_a_stiff_one_exhausts_what_it_may_cost() -> None:
+    def run(mass: float, Kp: float, Kd: float, options: SimulationOptions) -> SimulationResult:
+        chain = slider(mass)
+        law = PdGravity(chain, np.array(Kp), np.array(Kd))
+        rest = constant(chain, np.zeros(1), 5.0)
+        return simulate(law, rest, options, initial_position=[0.1])
+
+    result = run(0.01, 1e4, 100.0, replace(FREE, control_period=0.01))
     assert result.outcome is SimulationOutcome.DIVERGED
     assert "lower the gains" in result.outcome.value
     assert not result.settled
     assert 0 < len(result.times) < 501
     assert np.isfinite(result.position).all()
-
-
-def test_a_stiff_loop_exhausts_what_it_may_cost() -> None:
-    chain = slider(1e-3)
-    result = simulate(
-        PdGravity(chain, np.array(1e6), np.array(1e5)),
-        constant(chain, np.zeros(1), 5.0),
-        replace(FREE, max_evaluations=2000),
-        initial_position=[0.1],
-    )
+    result = run(1e-3, 1e6, 1e5, replace(FREE, max_evaluations=2000))
     assert result.outcome is SimulationOutcome.EXHAUSTED
     assert result.evaluations < 2100
     assert len(result.times) >= 1
