@@ -61,14 +61,21 @@ class Primitives(NamedTuple):
 
 def primitive_pieces(primitives: Primitives) -> PieceArrays:
     """The pieces that the primitives are, one each."""
-    return PieceArrays(*primitive_columns_kernel(primitives))
+    k, pieces = len(primitives.kinds), _PIECE_KINDS[primitives.kinds]
+    counts = _CORNER_COUNTS[primitives.kinds]
+    starts = np.zeros(k + 1, dtype=np.int64)
+    counts.cumsum(out=starts[1:])
+    vertices, sizes, centers = np.empty((starts[-1], 3)), np.zeros((k, 3)), np.empty((k, 3))
+    radii, boxes = np.empty(k), np.zeros((k, 6))
+    primitive_pieces_kernel(primitives, pieces, starts, vertices, sizes, centers, radii, boxes)
+    return PieceArrays(pieces, starts, vertices, sizes, primitives.poses, centers, radii, boxes)
 
 
 @kernel(unlocks=False)
 def primitive_columns_kernel(
     primitives: Primitives,
 ) -> tuple[Indices, Indices, Array, Array, Array, Array, Array, Array]:
-    """Columns of ``primitive_pieces``, in the order of ``PieceArrays``."""
+    """Columns of ``primitive_pieces``, in the order of ``PieceArrays``, for other kernels."""
     k = primitives.kinds.shape[0]
     pieces, starts = np.empty(k, np.int64), np.zeros(k + 1, np.int64)
     for i in range(k):
