@@ -17,6 +17,7 @@ from kinematics.forward import link_number
 from kinematics.model.chain import Chain, with_frames
 from kinematics.root_frame import check_default_frame
 from obstacles.collision.fcl_distance import OverlapMeter
+from obstacles.robots.allowed_pairs import Overlap, allowed_pairs
 from obstacles.robots.attachment import ANYTHING, Attachment, check_allowed, grasp, hold, with_parts
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -29,7 +30,6 @@ from service.translate.contacts import (
     allowed_answer,
     contacts,
     touch_depth,
-    unmeasured_answer,
 )
 
 #: Unknown names that a note lists.
@@ -65,7 +65,8 @@ class RobotInScene:
     @property
     def pairs(self) -> list[dict[str, Any]]:
         """Pairs that are not kept apart, as answers tell them, no depth among them."""
-        return unmeasured_answer(self.robot, self.scene)
+        pairs = allowed_pairs(self.robot, self.scene)
+        return allowed_answer(Overlap(item.pair, item.reason, None) for item in pairs)
 
     def overlaps(self, configurations: Iterable[Array]) -> list[dict[str, Any]]:
         """The same pairs with how deep they are in the deepest of some configurations (n,)."""

@@ -4,6 +4,7 @@ import secrets
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from fastapi import Request
 from starlette.concurrency import run_in_threadpool
@@ -12,7 +13,7 @@ from service.access.authentication import ANYONE, Caller, caller_of
 from service.settings import Settings
 from service.storage.caches.cache_key import Reference
 from service.storage.caches.recent import Recent
-from service.storage.robot_repository import KeptDocuments, RobotRepository
+from service.storage.robot_repository import RobotRepository
 from service.storage.store import Store
 from service.storage.stores.audit_store import Actor
 from service.storage.stores.document_store import DocumentStore
@@ -78,12 +79,10 @@ def documents_of(request: Request) -> DocumentStore:
 def repository_of(request: Request) -> RobotRepository:
     """Robots and scenes by name."""
     replay: Replay | None = request.scope.get(REPLAY)
-    documents = documents_of(request)
-    if replay is None:
-        return RobotRepository(documents, prepared_folder(request))
+    pinned = () if replay is None else replay.pinned
     tenant = caller_of(request.scope).tenant
-    kept = KeptDocuments(documents, store_of(request).plans, tenant, replay.pinned)
-    return RobotRepository(kept, prepared_folder(request))
+    kept = partial(store_of(request).plans.document, tenant=tenant)
+    return RobotRepository(documents_of(request), prepared_folder(request), pinned, kept)
 
 
 async def kept_plan(request: Request, plan_id: str) -> tuple[PlanRecord, PlanContent]:

@@ -5,9 +5,9 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from armwright_wire.scenes.scene import AllowedItem, LimitedPair
-from obstacles.robots.allowed_pairs import Overlap, allowed_pairs
-from obstacles.robots.robot_geometry import RobotGeometry, sorted_pair
-from obstacles.scenes.scene import AllowedContact, Pair, Scene
+from obstacles.robots.allowed_pairs import Overlap
+from obstacles.robots.robot_geometry import sorted_pair
+from obstacles.scenes.scene import AllowedContact, Pair
 
 
 def touch_depth(given: float | None) -> float:
@@ -38,9 +38,3 @@ def allowed_answer(told: Iterable[Overlap]) -> list[dict[str, Any]]:
     return [
         {"pair": list(item.pair), "reason": item.reason, "overlap": item.overlap} for item in told
     ]
-
-
-def unmeasured_answer(robot: RobotGeometry, scene: Scene) -> list[dict[str, Any]]:
-    """Pairs that are not kept apart, no depth told: of answers with no configuration of theirs."""
-    pairs = allowed_pairs(robot, scene)
-    return allowed_answer(Overlap(item.pair, item.reason, None) for item in pairs)

@@ -43,16 +43,6 @@ class _Session:
         self._request, self._references, self._opening = request, references, opening
         self._state = SessionState(uuid.uuid4().hex)
 
-    @classmethod
-    async def open(cls, request: Request, body: GuardOpening, opening: bytes) -> "_Session":
-        """A session about the robot and the scene of an opening.
-
-        Raises:
-            ProblemError: NOT_FOUND.
-        """
-        robot, scene = await answers.references(request, body.robot, body.scene, body)
-        return cls(request, (cast(Reference, robot), scene), opening)
-
     async def answer(self, message: bytes) -> bytes:
         """The answer to a message; to the opening where it is empty.
 
@@ -96,7 +86,9 @@ async def guard_session(socket: WebSocket) -> None:
                 )
             guarded.add(wanted)
             held = wanted
-        session = await _Session.open(cast(Request, socket), body, to_json(opening))
+        request = cast(Request, socket)
+        robot, scene = await answers.references(request, body.robot, body.scene, body)
+        session = _Session(request, (cast(Reference, robot), scene), to_json(opening))
         ready = await session.answer(b"")
         await socket.send_text((await _told(session, to_json(first)) if first else ready).decode())
         while True:

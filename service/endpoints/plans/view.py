@@ -10,7 +10,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, cast, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from service.endpoints.ik.task import ik
 from service.endpoints.plan.task import question
 from service.endpoints.plans.stop import known_witnesses
 from service.endpoints.plans.view_stages import (
+    Kept,
     Shown,
     task_cell,
     task_parts,
@@ -79,24 +80,6 @@ from service.workers.task import task
 _MAX_CANDIDATES, _MAX_TOUR_CANDIDATES = 24, 6
 #: Reasons of tasks: in collision: hand and table.
 _COLLISION = re.compile(r"in collision: (.+) and (.+)")
-
-
-class Kept(NamedTuple):
-    """A kept plan whose page is made.
-
-    Args:
-        request: The body.
-        answer: The answer; empty where there is a problem.
-        problem: The problem document; empty where there is an answer.
-        robot: Reference of the robot.
-        scene: Reference of the stored scene, if the request names one.
-    """
-
-    request: dict[str, Any]
-    answer: dict[str, Any]
-    problem: dict[str, Any]
-    robot: Reference
-    scene: Reference | None
 
 
 def of_plan(kept: Kept, body: PlanRequest) -> Iterator[Configuration]:
@@ -299,14 +282,14 @@ def program_parts(robot: Reference, scene: Reference | None, kept: KeptMotion) -
         InvalidOption: Request and answer do not belong together.
         ArmwrightError: The kept request is at fault.
     """
-    request, answer = kept.request, kept.answer
+    whole = Kept(kept.request, kept.answer, {}, robot, scene)
     try:
         if kept.operation == "POST /v1/tasks":
-            parts = task_parts(robot, scene, request, answer)
-            return [_stage(*one) for one in zip(parts, answer["stages"], strict=True)]
+            pairs = zip(task_parts(whole), kept.answer["stages"], strict=True)
+            return [_stage(*pair) for pair in pairs]
         if kept.operation == "POST /v1/tours":
-            return [*_legs(tour_parts(robot, scene, request, answer), answer["legs"])]
-        return [_motion(robot, scene, kept)]
+            return [*_legs(tour_parts(whole), kept.answer["legs"])]
+        return [_motion(whole, kept.operation)]
     except (AttributeError, LookupError, TypeError, ValueError) as error:
         raise InvalidOption(
             "plan: request and answer do not belong together: there is no motion",
@@ -346,36 +329,32 @@ def _legs(parts: Sequence[Part], legs: Sequence[Mapping[str, Any]]) -> Iterator[
         time = part.begins + part.motion.duration
 
 
-def _motion(robot: Reference, scene: Reference | None, kept: KeptMotion) -> ProgramPart:
+def _motion(kept: Kept, operation: str) -> ProgramPart:
     """The motion of a plan or proof."""
-    if kept.operation == "POST /v1/plan":
-        _, cell = _plan_cell(robot, scene, kept.request)
+    if operation == "POST /v1/plan":
+        _, cell = _plan_cell(kept)
         motion, _ = trajectories.answered_trajectory(kept.answer["trajectory"], cell.robot.chain)
         premises = Premises.of_fields(kept.answer["certificate"]["premises"])
     else:
-        motion, cell = _proof_cell(robot, scene, kept.request)
+        motion, cell = _proof_cell(kept)
         premises = Premises.of_fields(kept.answer["premises"])
     place = Place(cell.robot, cell.scene, premises.margin)
     return ProgramPart("motion", "plan", motion, place, premises=premises)
 
 
-def _plan_cell(
-    robot: Reference, scene: Reference | None, request: Mapping[str, Any]
-) -> tuple[PlanRequest, RobotInScene]:
+def _plan_cell(kept: Kept) -> tuple[PlanRequest, RobotInScene]:
     """A request for a plan with the joints of its states, and the robot in its scene."""
-    geometry = worker_cache.robot(robot).geometry
-    body = with_states(PlanRequest.model_validate(request), geometry.states)
+    geometry = worker_cache.robot(kept.robot).geometry
+    body = with_states(PlanRequest.model_validate(kept.request), geometry.states)
     start = first_configuration(geometry.chain, body.start.joints)
-    return body, robot_in_scene(robot, scene, body, start)
+    return body, robot_in_scene(kept.robot, kept.scene, body, start)
 
 
-def _proof_cell(
-    robot: Reference, scene: Reference | None, request: Mapping[str, Any]
-) -> tuple[Trajectory, RobotInScene]:
+def _proof_cell(kept: Kept) -> tuple[Trajectory, RobotInScene]:
     """The motion of a request for a proof, and the robot in its scene."""
-    body = ValidateRequest.model_validate(request)
-    motion, _ = trajectories.trajectory(body.trajectory, worker_cache.chain(robot))
-    return motion, robot_in_scene(robot, scene, body, motion.start)
+    body = ValidateRequest.model_validate(kept.request)
+    motion, _ = trajectories.trajectory(body.trajectory, worker_cache.chain(kept.robot))
+    return motion, robot_in_scene(kept.robot, kept.scene, body, motion.start)
 
 
 #: Configurations that one page shows.
@@ -512,7 +491,7 @@ def _explored(kept: Kept, operation: str) -> Explored:
 
 
 def _of_plan(kept: Kept) -> Shown:
-    body, cell = _plan_cell(kept.robot, kept.scene, kept.request)
+    body, cell = _plan_cell(kept)
     if kept.answer:
         chain = cell.robot.chain
         motion, _ = trajectories.answered_trajectory(kept.answer["trajectory"], chain)
@@ -526,23 +505,23 @@ def _of_plan(kept: Kept) -> Shown:
 
 
 def _of_validate(kept: Kept) -> Shown:
-    motion, cell = _proof_cell(kept.robot, kept.scene, kept.request)
+    motion, cell = _proof_cell(kept)
     sentences = certificate_sentences(kept.answer) if kept.answer else []
     return Shown(cell, motion, [], sentences, {})
 
 
 def _of_task(kept: Kept) -> Shown:
     if kept.answer:
-        return task_shown(kept.robot, kept.scene, kept.request, kept.answer)
+        return task_shown(kept)
     body = TaskRequest.model_validate(kept.request)
-    cell, start = task_cell(kept.robot, kept.scene, body)
+    cell, start = task_cell(kept, body)
     shown = [*of_task(kept, body, start)]
     return Shown(cell, None, shown, untried(kept), {})
 
 
 def _of_tour(kept: Kept) -> Shown:
     if kept.answer:
-        return tour_shown(kept.robot, kept.scene, kept.request, kept.answer)
+        return tour_shown(kept)
     body = TourRequest.model_validate(kept.request)
     cell, _ = tour_cell(kept.robot, kept.scene, body)
     return Shown(cell, None, [*of_tour(kept, body)], [], {})

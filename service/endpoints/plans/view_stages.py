@@ -27,6 +27,24 @@ from service.viewer.timeline import Part, finger_tracks, joined, joined_curves, 
 from service.viewer.words import proof_words, stage_label, task_sentences
 
 
+class Kept(NamedTuple):
+    """A kept plan, task, tour or proof with what it is about.
+
+    Args:
+        request: The body.
+        answer: The answer; empty where there is a problem.
+        problem: The problem document; empty where there is an answer.
+        robot: Reference of the robot.
+        scene: Reference of the stored scene, if the request names one.
+    """
+
+    request: Mapping[str, Any]
+    answer: Mapping[str, Any]
+    problem: Mapping[str, Any]
+    robot: Reference
+    scene: Reference | None
+
+
 class Shown(NamedTuple):
     """Parts of a page that depend on the operation.
 
@@ -49,109 +67,86 @@ class Shown(NamedTuple):
     curves: dict[str, Any] | None = None
 
 
-def task_shown(
-    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
-) -> Shown:
+def task_shown(kept: Kept) -> Shown:
     """The stages of an answered task.
 
     Args:
-        robot: The robot.
-        scene: The stored scene, where the request names one.
-        request: The body.
-        answer: Answer with the stages.
+        kept: The kept task.
     """
-    body, geometry, around = _task_world(robot, scene, request)
-    stages = answer["stages"]
+    body, geometry, around = _task_world(kept)
+    stages = kept.answer["stages"]
     names = {item["id"] for s in stages for item in _things(s["after"])}
     moved = tuple(item for item in around.obstacles if item.id in names)
     still = tuple(item for item in around.obstacles if item.id not in names)
     alone = with_fingers(geometry, body.fingers or {})
-    parts = _parts(answer, robot, around, body)
+    parts = _parts(kept, body, around)
     extra = {
         "stages": marks(parts),
-        "carriers": {item.id: [*_carriers(item, robot, stages)] for item in moved},
+        "carriers": {item.id: [*_carriers(item, kept.robot, stages)] for item in moved},
         "fingers": finger_tracks(alone, parts),
     }
     return Shown(
         RobotInScene(alone, Scene(still)),
-        joined(parts, answer["duration"]),
+        joined(parts, kept.answer["duration"]),
         [],
-        [*task_sentences(answer)],
+        [*task_sentences(kept.answer)],
         extra,
         moved,
         joined_curves(parts, body.timing.tool_speed),
     )
 
 
-def task_parts(
-    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
-) -> list[Part]:
+def task_parts(kept: Kept) -> list[Part]:
     """The stages of an answered task, each with what is held in it.
 
     Args:
-        robot: The robot.
-        scene: The stored scene, where the request names one.
-        request: The body.
-        answer: Answer with the stages.
+        kept: The kept task.
     """
-    body, _, around = _task_world(robot, scene, request)
-    return _parts(answer, robot, around, body)
+    body, _, around = _task_world(kept)
+    return _parts(kept, body, around)
 
 
-def _task_world(
-    robot: Reference, scene: Reference | None, request: Mapping[str, Any]
-) -> tuple[TaskRequest, RobotGeometry, Scene]:
+def _task_world(kept: Kept) -> tuple[TaskRequest, RobotGeometry, Scene]:
     """The request of a task, its robot, and its scene with what stands elsewhere by now."""
-    body = TaskRequest.model_validate(request)
-    geometry, _, around = task_ground(robot, scene, body)
+    body = TaskRequest.model_validate(kept.request)
+    geometry, _, around = task_ground(kept.robot, kept.scene, body)
     return body, geometry, task_objects(geometry, around, body)
 
 
-def _parts(
-    answer: Mapping[str, Any], robot: Reference, around: Scene, body: TaskRequest
-) -> list[Part]:
+def _parts(kept: Kept, body: TaskRequest, around: Scene) -> list[Part]:
     """The stages, each with the fingers where the one before left them."""
-    stages = answer["stages"]
-    cells = stage_cells(stages, robot, around, body.fingers or {})
+    stages = kept.answer["stages"]
+    cells = stage_cells(stages, kept.robot, around, body.fingers or {})
     return [_stage_part(stage, cell) for stage, cell in zip(stages, cells, strict=True)]
 
 
-def tour_shown(
-    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
-) -> Shown:
+def tour_shown(kept: Kept) -> Shown:
     """The legs of an answered tour, with the stays at its goals between them.
 
     Args:
-        robot: The robot.
-        scene: The stored scene, where the request names one.
-        request: The body.
-        answer: Answer with the legs.
+        kept: The kept tour.
     """
-    body = TourRequest.model_validate(request)
-    cell, _ = tour_cell(robot, scene, body)
-    parts = _legs(cell, answer)
+    body = TourRequest.model_validate(kept.request)
+    cell, _ = tour_cell(kept.robot, kept.scene, body)
+    parts = _legs(cell, kept.answer)
     return Shown(
         cell,
-        joined(parts, answer["time"]),
+        joined(parts, kept.answer["time"]),
         [],
-        [*_tour_sentences(answer, parts)],
+        [*_tour_sentences(kept.answer, parts)],
         {"stages": marks(parts)},
         curves=joined_curves(parts, body.timing.tool_speed),
     )
 
 
-def tour_parts(
-    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
-) -> list[Part]:
+def tour_parts(kept: Kept) -> list[Part]:
     """The legs of an answered tour.
 
     Args:
-        robot: The robot.
-        scene: The stored scene, where the request names one.
-        request: The body.
-        answer: Answer with the legs.
+        kept: The kept tour.
     """
-    return _legs(tour_cell(robot, scene, TourRequest.model_validate(request))[0], answer)
+    cell, _ = tour_cell(kept.robot, kept.scene, TourRequest.model_validate(kept.request))
+    return _legs(cell, kept.answer)
 
 
 def _legs(cell: RobotInScene, answer: Mapping[str, Any]) -> list[Part]:
@@ -169,17 +164,14 @@ def _legs(cell: RobotInScene, answer: Mapping[str, Any]) -> list[Part]:
     ]
 
 
-def task_cell(
-    robot: Reference, scene: Reference | None, body: TaskRequest
-) -> tuple[RobotInScene, list[float]]:
+def task_cell(kept: Kept, body: TaskRequest) -> tuple[RobotInScene, list[float]]:
     """The robot of a task in its scene at the start, and its configuration then [rad or m].
 
     Args:
-        robot: The robot.
-        scene: The stored scene, where the request names one.
-        body: The request.
+        kept: The kept task.
+        body: Its request.
     """
-    geometry, start, around = task_ground(robot, scene, body)
+    geometry, start, around = task_ground(kept.robot, kept.scene, body)
     arm = with_fingers(geometry, body.fingers or {})
     cell = attach(arm, moved(around, body), body.attached, body.allowed_collisions)
     return cell, start.tolist()
