@@ -22,7 +22,7 @@ from tests.service.robots import (
     scene,
 )
 from tests.service.schemas.drawn import FULL
-from tests.service.test_simulate import MOTORS
+from tests.service.test_simulate import HOLD, MOTORS, TORQUE
 
 FORM, STATE, LINK = "VALIDATION_ERROR", "INVALID_ROBOT_STATE", "INVALID_LINK_NAME"
 GOAL, MOTION = "INVALID_GOAL_CONSTRAINTS", "INVALID_MOTION_PLAN"
@@ -112,8 +112,6 @@ HOLES = [
     for k, y in enumerate((-0.35, 0.08, -0.1))
 ]
 TASK: Any = TaskRequest.model_json_schema()["examples"][0]
-HOLD = {"type": "hold", "joints": [0.3, -0.4], "duration": 0.5}
-TORQUE = {"type": "computed_torque", "natural_frequency": 10.0}
 LEARNER = {
     "type": "adaptive", "Lambda": 5.0, "K": 5.0, "Gamma": 2.0, "known_zeros": True,
     "parameters": ["mx2"],

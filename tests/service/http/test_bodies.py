@@ -32,26 +32,6 @@ def test_numbers_that_json_does_not_have(client: httpx.Client, number: str) -> N
 
 
 @pytest.mark.parametrize(
-    ("change", "path"),
-    [
-        ({"shap": 1}, "obstacles[0].shap"),
-        ({"shape": {"type": "box", "size": [1, 1]}}, "obstacles[0].shape.size"),
-        ({"shape": {"type": "box", "size": [1, 0, 1]}}, "obstacles[0].shape.size[1]"),
-        ({"shape": {"type": "blob"}}, "obstacles[0].shape"),
-        (
-            {"pose": {"position": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 2]}},
-            "obstacles[0].pose.quaternion_xyzw",
-        ),
-    ],
-)
-def test_a_refusal_names_the_field(client: httpx.Client, change: dict[str, Any], path: str) -> None:
-    response = client.post("/v1/scenes", json={"name": "n", "obstacles": [BOX | change]})
-    document = problem(response, 422, "VALIDATION_ERROR")
-    assert [error["path"] for error in document["details"]["errors"]] == [path]
-    assert path in document["detail"]
-
-
-@pytest.mark.parametrize(
     "content",
     [
         b"",

@@ -224,39 +224,10 @@ def test_a_job_that_waits_again_has_done_nothing_yet() -> None:
     assert (again.id, again.created, again.event) == (job.record.id, job.record.created, 3)
 
 
-def test_whoever_waits_for_a_change_is_woken_by_each() -> None:
-    async def listen() -> int:
-        job, woken = live(), 0
-        for step in range(3):
-            changed = job.changed
-            waiting = asyncio.ensure_future(changed.wait())
-            await asyncio.sleep(0)
-            assert not waiting.done()
-            job.advance(0.1 * (step + 1), "search")
-            await asyncio.wait_for(waiting, 1.0)
-            woken += 1
-        return woken
-
-    assert asyncio.run(listen()) == 3
-
-
 def test_an_event_on_the_wire_is_as_the_standard_has_it() -> None:
     assert Event(7, "stage", b'{"a":1}').encode() == b'id: 7\nevent: stage\ndata: {"a":1}\n\n'
     text = describe(record(stage="line\nbreak"), "status").encode()
     assert text.count(b"\n") == 4, "data stays on its line"
-
-
-def test_a_queued_job_is_cancelled_before_it_begins(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
-        first, second = await jobs.accept(REQUEST), await jobs.accept(REQUEST)
-        await until(lambda: len(app.contexts) == 1)
-        assert (await jobs.cancel(second.id)).status == "cancelled"
-        app.open.set()
-        await ended(jobs, first.id)
-        await asyncio.sleep(0.02)
-        assert [context.id for context in app.contexts] == [first.id]
-
-    run(tmp_path, scenario, workers=1)
 
 
 def test_events_go_on_until_the_end_with_signs_of_life(tmp_path: Path) -> None:

@@ -120,12 +120,6 @@ def test_a_missing_field_is_named_and_a_missing_tag_is_not() -> None:
     assert field_path(("body", "x", "a", "b"), body, missing=True) == "a.b"
 
 
-def test_numbers_that_are_not_finite_are_named() -> None:
-    with pytest.raises(ProblemError) as error:
-        parse_json(b'{"a": [1, NaN], "b": {"c": -Infinity}}')
-    assert [item["path"] for item in error.value.details["errors"]] == ["a[1]", "b.c"]
-
-
 @pytest.mark.parametrize("name", ["tool_frame", "tip_link", "tool_offset"])
 def test_who_asks_for_a_tool_is_told_what_is_possible(name: str) -> None:
     pose = {"position": [0.4, 0.0, 0.4]}

@@ -22,7 +22,7 @@ from service.storage.database import Database, FileLock, FileLocked, StorageUnav
 from service.storage.store import open_store
 from service.storage.stores.idempotency_store import IdempotencyKey
 from service.storage.stores.job_store import StoredRequest
-from service.storage.tables import METADATA, MIGRATIONS, REVISIONS
+from service.storage.tables import METADATA, REVISIONS
 from service.validation import ProblemError
 from tests.service.postgresql import PostgreSQL
 
@@ -315,10 +315,6 @@ def test_closing_waits_for_a_transaction_whose_caller_left(tmp_path: Path) -> No
 
 
 DATA = Path(__file__).parent / "data"
-
-
-def test_the_list_of_revisions_is_that_of_the_migrations() -> None:
-    assert tuple(MIGRATIONS) == REVISIONS
 
 
 def test_migrations_make_the_tables_of_this_version(url: str) -> None:

@@ -362,6 +362,3 @@ def test_torques_are_held_to_the_request_or_to_the_robot() -> None:
     nobody = replace(chain, limits=replace(chain.limits, effort=np.array([8.0, np.nan])))
     with pytest.raises(MissingLimit):
         effort_loads(validate(torque_limits=True), nobody)
-
-
-# ------------------------------------------------------------------------------------ paths
