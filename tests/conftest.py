@@ -17,8 +17,11 @@ from tests.programs import not_run
 
 #: Examples of each property: enough for its corners, few enough for a tenth of a second.
 _EXAMPLES = 60
-#: Folders whose files share a service or a browser: one process takes all of a folder.
-_TOGETHER = ("tests/client/", "tests/service/jobs/", "tests/service/viewer/", "tests/studio/")
+#: Folders whose files share a service, a browser or plans: one process takes all of a folder.
+_TOGETHER = (
+    "tests/client/", "tests/planning/witness/", "tests/service/jobs/", "tests/service/viewer/",
+    "tests/studio/",
+)  # fmt: skip
 
 #: Files of few tests that take long: they begin first, for who takes one last is waited for.
 LONG = (

@@ -5,6 +5,7 @@ The checker is not on the path: it has to work alone.
 
 import importlib.util
 import sys
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -56,6 +57,12 @@ def checker() -> Any:
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
+
+
+@cache
+def reports(made: Callable[..., tuple[Proved, ...]], *arguments: Any) -> tuple[Any, ...]:
+    """What the checker says of each motion that a function of this module gives."""
+    return tuple(checker().check(item.document) for item in made(*arguments))
 
 
 def rejected(document: dict[str, Any]) -> str | None:

@@ -22,6 +22,7 @@ from tests.planning.witness.problems import (
     peg_in_tube,
     planned,
     rejected,
+    reports,
 )
 from tests.planning.witness.test_by_hand import FALSE, split
 from tests.planning.witness.test_witness import MUTATIONS
@@ -95,12 +96,14 @@ def test_its_package_builds_the_command(tmp_path: Path) -> None:
 
 def test_certified_motions_are_accepted(check: Check, pages: Check) -> None:
     """With the gap that balls prove, but for its own rounding."""
-    items = [*planned("ur5e", "crowd", 4), *planned("panda", "crowd", 2, 0.01)[:1], *meshes(3)[:1]]
-    for item in items:
+    cases: list[tuple[Any, ...]] = [(planned, "ur5e", "crowd", 4), (meshes, 3)]
+    cases.append((planned, "panda", "crowd", 2, 0.01))
+    items = [item for made, *words in cases for item in made(*words)]
+    seen = [report for case in cases for report in reports(*case)]
+    for item, report in zip(items, seen, strict=True):
         code, said = check(item.document)
         assert (code, said[:9]) == (0, "accepted:")
         assert pages(item.document) == (code, said)
-        report = checker().check(item.document)
         told = float(said.partition("apart by ")[2].partition(" m ")[0])
         # It is told with six digits.
         assert told == pytest.approx(report.clearance, rel=1e-5, abs=1e-10)
