@@ -6,7 +6,6 @@ import socket
 import time
 from pathlib import Path
 
-import httpx
 import pytest
 
 from service.cli import Terminal, main, progress_text
@@ -15,10 +14,7 @@ from service.storage.store import open_store
 from service.version import VERSION
 from tests.service.commands import serve
 from tests.service.processes import alive, descendants, wait_until
-
-
-def store_scene(client: httpx.Client, name: str) -> int:
-    return client.post("/v1/scenes", json={"name": name, "obstacles": []}).status_code
+from tests.service.robots import DETOUR, answer, bench
 
 
 def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
@@ -33,7 +29,9 @@ def test_nothing_outlives_a_server_that_is_killed_and_the_next_remembers_and_end
 ) -> None:
     with serve(tmp_path) as (process, client):
         assert client.get("/readyz").json()["workers"] == 2
-        assert store_scene(client, "kept") == 201
+        robot = answer(client.post("/v1/robots", json=bench("kept")), 201)
+        answer(client.post("/v1/scenes", json={"name": "kept", **DETOUR["scene"]}), 201)
+        before = answer(client.post("/v1/plan", json=DETOUR | {"scene": "kept"}))
         below = descendants(process.pid)
         assert len(below) >= 3, "the fork server and two workers"
         process.kill()
@@ -43,8 +41,13 @@ def test_nothing_outlives_a_server_that_is_killed_and_the_next_remembers_and_end
     assert store.documents.get("scene", "kept").content
     store.close()
     with serve(tmp_path) as (process, client):
-        assert client.get("/v1/scenes/kept").status_code == 200
-        assert store_scene(client, "kept") == 409
+        assert answer(client.get("/v1/robots/kept")) == robot
+        fk = answer(client.post("/v1/robots/kept/fk", json={"joints": [0.1, 0.2]}))
+        assert set(fk["links"]) == {"base", "lower", "upper", "tip"}
+        after = answer(client.post("/v1/plan", json=DETOUR | {"scene": "kept"}))
+        for part in ("trajectory", "certificate", "reproducibility"):
+            assert after[part] == before[part]
+        answer(client.post("/v1/scenes", json={"name": "kept", "obstacles": []}), 409)
         below = descendants(process.pid)
         # Connections that stay open, one of them in the middle of a request, must not hold it up.
         address = (client.base_url.host, client.base_url.port or 0)

@@ -7,12 +7,13 @@ import sqlite3
 import subprocess
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeAlias
 
 import httpx
+import pytest
 
-from service.app import create_app
-from service.settings import Settings
 from tests.service.commands import serve, start_command
 from tests.service.conftest import Served
 from tests.service.processes import kill_in_work, settled, wait_until
@@ -24,7 +25,6 @@ from tests.service.robots import (
     problem,
     stuck,
 )
-from tests.service.server import serving
 from tests.times import quickest
 
 CHECK = {"robot": "panda", "scene": {"obstacles": []}, "joints": HOME, "timeout": 60.0}
@@ -44,9 +44,24 @@ def statuses(client: httpx.Client) -> list[str]:
     return [job["status"] for job in answer(client.get("/v1/jobs?limit=1000"))["jobs"]]
 
 
+def all_succeed(client: httpx.Client) -> bool:
+    return wait_until(lambda: set(statuses(client)) == {"succeeded"}, 60.0)
+
+
+Running: TypeAlias = "tuple[subprocess.Popen[str], httpx.Client, Path]"
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A server in a process of its own, a client of it, and its folder."""
+    folder = tmp_path_factory.mktemp("running")
+    with serve(folder) as (process, client):
+        yield process, client, folder
+
+
 def test_each_key_makes_one_job_though_the_server_is_killed(tmp_path: Path) -> None:
     told: dict[str, set[str]] = {key: set() for key in KEYS}
-    for delay in (0.02, 0.05, 0.09):
+    for delay in (0.02, 0.07):
         with serve(tmp_path) as (process, client):
             killing = threading.Timer(delay, process.kill)
             killing.start()
@@ -66,58 +81,60 @@ def test_each_key_makes_one_job_though_the_server_is_killed(tmp_path: Path) -> N
         assert wait_until(lambda: set(statuses(client)) <= {"succeeded", "failed"}, 60.0)
 
 
-def test_a_locked_database_is_told_and_all_goes_on_when_it_is_free(tmp_path: Path) -> None:
-    with serve(tmp_path) as (_, client):
-        answer(submit(client, "before"), 202)
-        # What is told is that of the first to write: the end of this job would be, were it open.
-        assert wait_until(lambda: statuses(client) == ["succeeded"], 60.0)
-        other = sqlite3.connect(tmp_path / "armwright.db", isolation_level=None)
-        other.execute("BEGIN IMMEDIATE")
-        refused = client.post("/v1/scenes", json={"name": "s", "obstacles": []})
-        assert "locked" in problem(refused, 503, "STORAGE_UNAVAILABLE")["detail"]
+def test_a_locked_database_is_told_and_all_goes_on_when_it_is_free(running: Running) -> None:
+    _, client, folder = running
+    answer(submit(client, "before the lock"), 202)
+    # What is told is that of the first to write: the end of this job would be, were it open.
+    assert all_succeed(client)
+    other = sqlite3.connect(folder / "armwright.db", isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    refused = client.post("/v1/scenes", json={"name": "s", "obstacles": []})
+    assert "locked" in problem(refused, 503, "STORAGE_UNAVAILABLE")["detail"]
+    assert int(refused.headers["retry-after"]) >= 1
+    problem(client.get("/readyz"), 503, "STORAGE_UNAVAILABLE")
+    assert client.get("/healthz").status_code == 200
+    answer(client.post("/v1/check", json=CHECK))
+    other.execute("ROLLBACK")
+    other.close()
+    began = time.monotonic()
+    assert wait_until(lambda: client.get("/readyz").status_code == 200, 10.0)
+    assert time.monotonic() - began < 10.0
+    answer(submit(client, "after the lock"), 202)
+    assert all_succeed(client)
+
+
+def test_a_full_disk_is_told_and_all_goes_on_when_there_is_room(running: Running) -> None:
+    process, client, _ = running
+    count = len(statuses(client))
+    answer(submit(client, "before"), 202)
+    # No file of the server may grow any more, as on a disk that is full.
+    before = resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+    scene = {"name": "s", "obstacles": []}
+    for _ in range(3):
+        refused = client.post("/v1/scenes", json=scene)
+        problem(refused, 503, "STORAGE_UNAVAILABLE")
         assert int(refused.headers["retry-after"]) >= 1
-        problem(client.get("/readyz"), 503, "STORAGE_UNAVAILABLE")
-        assert client.get("/healthz").status_code == 200
-        answer(client.post("/v1/check", json=CHECK))
-        other.execute("ROLLBACK")
-        other.close()
-        began = time.monotonic()
-        assert wait_until(lambda: client.get("/readyz").status_code == 200, 10.0)
-        assert time.monotonic() - began < 10.0
-        answer(submit(client, "after"), 202)
-        assert wait_until(lambda: statuses(client) == ["succeeded"] * 2, 60.0)
+        problem(submit(client, "meanwhile"), 503, "STORAGE_UNAVAILABLE")
+    problem(client.get("/readyz"), 503, "STORAGE_UNAVAILABLE")
+    assert client.get("/healthz").status_code == 200
+    answer(client.post("/v1/check", json=CHECK))
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, before)
+    assert wait_until(lambda: client.get("/readyz").status_code == 200, 10.0)
+    answer(client.post("/v1/scenes", json=scene), 201)
+    answer(submit(client, "meanwhile"), 202)
+    answer(submit(client, "after"), 202)
+    assert all_succeed(client)
+    assert len(statuses(client)) == count + 3
 
 
-def test_a_full_disk_is_told_and_all_goes_on_when_there_is_room(tmp_path: Path) -> None:
-    with serve(tmp_path) as (process, client):
-        answer(submit(client, "before"), 202)
-        # No file of the server may grow any more, as on a disk that is full.
-        before = resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
-        scene = {"name": "s", "obstacles": []}
-        for _ in range(3):
-            refused = client.post("/v1/scenes", json=scene)
-            problem(refused, 503, "STORAGE_UNAVAILABLE")
-            assert int(refused.headers["retry-after"]) >= 1
-            problem(submit(client, "meanwhile"), 503, "STORAGE_UNAVAILABLE")
-        problem(client.get("/readyz"), 503, "STORAGE_UNAVAILABLE")
-        assert client.get("/healthz").status_code == 200
-        answer(client.post("/v1/check", json=CHECK))
-        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, before)
-        assert wait_until(lambda: client.get("/readyz").status_code == 200, 10.0)
-        answer(client.post("/v1/scenes", json=scene), 201)
-        answer(submit(client, "meanwhile"), 202)
-        answer(submit(client, "after"), 202)
-        assert wait_until(lambda: statuses(client) == ["succeeded"] * 3, 60.0)
-
-
-def test_a_second_server_on_one_folder_is_refused(tmp_path: Path) -> None:
-    with serve(tmp_path, warm=False):
-        arguments = ["serve", "--port", "0", "--data-dir", str(tmp_path)]
-        with start_command(arguments, stderr=subprocess.PIPE) as second:
-            try:
-                _, errors = second.communicate(timeout=30.0)
-            finally:
-                second.kill()
+def test_a_second_server_on_one_folder_is_refused(running: Running) -> None:
+    _, _, folder = running
+    arguments = ["serve", "--port", "0", "--data-dir", str(folder)]
+    with start_command(arguments, stderr=subprocess.PIPE) as second:
+        try:
+            _, errors = second.communicate(timeout=30.0)
+        finally:
+            second.kill()
     assert second.returncode == 1
     assert "another server uses the database" in errors
     assert "Traceback" not in errors
@@ -193,19 +210,3 @@ def test_who_waits_is_answered_beside_thirty_jobs(served: Served) -> None:
         for job in jobs:
             client.delete(f"/v1/jobs/{job}")
     assert wait_until(lambda: supervisor.busy == 0, 20.0)
-
-
-def test_robots_and_scenes_outlive_the_server(tmp_path: Path) -> None:
-    settings = Settings(data_dir=tmp_path, workers=1)
-    with serving(create_app(settings)) as client:
-        model = answer(client.post("/v1/robots", json=bench("kept")), 201)
-        answer(client.post("/v1/scenes", json={"name": "kept", **BODY["scene"]}), 201)
-        before = answer(client.post("/v1/plan", json=BODY | {"scene": "kept"}))
-    with serving(create_app(settings)) as client:
-        assert answer(client.get("/v1/robots/kept")) == model
-        after = answer(client.post("/v1/plan", json=BODY | {"scene": "kept"}))
-        fk = answer(client.post("/v1/robots/kept/fk", json={"joints": [0.1, 0.2]}))
-        assert set(fk["links"]) == {"base", "lower", "upper", "tip"}
-    assert after["trajectory"] == before["trajectory"]
-    assert after["certificate"] == before["certificate"]
-    assert after["reproducibility"] == before["reproducibility"]
