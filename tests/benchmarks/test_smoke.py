@@ -32,7 +32,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "benchmarks.peers.__main__": (["PROBLEMS", "--timeout", "5"], {}),
     "benchmarks.planning.seams": (
         ["--seams", "1", "--arms", "ur5e"],
-        {"INSTANTS": 11, "SHAPES": ("line",), "WAYPOINTS": 40},
+        {"INSTANTS": 11, "SHAPES": ("line",), "WAYPOINTS": 10},
     ),
 }
 #: Arguments of benchmarks that start a server.

@@ -74,7 +74,7 @@ PATIENT: Mapping[str, Request] = {
 }  # fmt: skip
 
 #: Enough that each worker answers several times with the other one busy.
-_REPEATS = 8
+_REPEATS = 5
 #: Clients at a time, for two workers.
 _CLIENTS = 4
 #: Times, which no two answers share, and names of jobs.

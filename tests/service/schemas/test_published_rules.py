@@ -111,7 +111,7 @@ BEYOND = re.compile(
     r"no length|length 0|ascend|does not fit|is empty"
 )
 #: Bodies of each class.
-COUNT = 40
+COUNT = 20
 
 
 def drawn_bodies(name: str) -> Iterator[dict[str, Any]]:
