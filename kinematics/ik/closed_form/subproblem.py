@@ -186,9 +186,9 @@ def circle_roots_kernel(E: Array, noise: float, depth: float, work: Array, roots
     touch = max(1e-12, max(noise, depth) / scale)
     r = math.sqrt(E[1] * E[1] + E[2] * E[2])
     if r > noise:
-        c, s = E[1] / r, E[2] / r
-        if abs(2.0 * c * s * (E[5] - E[3]) + (c * c - s * s) * E[4]) <= noise:
-            return _even_roots(E, (c, s, r), touch * scale, roots)
+        cp, sp = E[1] / r, E[2] / r
+        if abs(2.0 * cp * sp * (E[5] - E[3]) + (cp * cp - sp * sp) * E[4]) <= noise:
+            return _even_roots(E, (cp, sp, r), touch * scale, roots)
     c, zeros, extrema = work[5], work[6], work[7]
     for chart in range(2):
         sign = 1.0 if chart == 0 else -1.0
