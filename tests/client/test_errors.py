@@ -19,18 +19,8 @@ from armwright_wire.errors import ArmwrightError
 from armwright_wire.plans.job import Problem
 from service.http.errors import KINDS
 
-#: Bases of models, and what stands behind models of the same name.
-INNER = {
-    "Answer",
-    "Body",
-    "InFrame",
-    "NamedScene",
-    "RobotFields",
-    "ArchiveFields",
-    "RobotBody",
-    "JobAnswer",
-    "OrientedPoseAnswer",
-}
+#: What stands behind models of the same name.
+INNER = {"JobAnswer"}
 #: The codes that the interface promises.
 CONTRACT = [
     "START_STATE_IN_COLLISION",

@@ -231,8 +231,9 @@ def test_a_mesh_that_takes_too_long_to_prepare_is_told_at_the_deadline(
         answer = plan(problem, Options(timeout=20.0))
     assert isinstance(answer, Failure)
     assert (answer.code, answer.stage) == ("TIMED_OUT", "preparation")
-    assert "meshes were being prepared" in answer.message
+    assert "while meshes were being prepared" in answer.message
     assert "more time" in answer.hint
+    assert "what was prepared so far is kept" in answer.hint
     solved(problem)
 
 

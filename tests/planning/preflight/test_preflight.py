@@ -3,14 +3,11 @@
 import itertools
 import pickle
 import re
-import time
 
 import numpy as np
 import pinocchio as pin
 import pytest
-import trimesh
 
-from benchmarks.problems.mesh_scenes import mesh
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.numeric import numeric
@@ -140,21 +137,6 @@ def test_goals_are_looked_at_until_time_is_up() -> None:
     looked_at = re.search(r"when (\d+) of 1000 goals", answer.message)
     assert looked_at is not None
     assert int(looked_at[1]) < 1000
-
-
-def test_time_for_meshes_never_seen_counts_and_is_told() -> None:
-    robot, start, goal = builtin("planar_rr"), np.array([0.0, 0.3]), np.array([0.5, 0.4])
-    ring = mesh(trimesh.creation.torus(0.11, 0.03, major_sections=128, minor_sections=64))
-    scene = Scene((Obstacle("ring", ring, transform(None, [-1.0, 0.6, 0.3])),))
-    problem = Problem(robot, scene, start, (JointGoal(goal),))
-    began = time.monotonic()
-    answer = plan(problem, Options(timeout=0.05))
-    assert time.monotonic() - began >= 0.05
-    assert isinstance(answer, Failure)
-    assert (answer.code, answer.stage) == ("TIMED_OUT", "preparation")
-    assert "while meshes were being prepared" in answer.message
-    assert "what was prepared so far is kept" in answer.hint
-    assert isinstance(plan(problem, Options(timeout=60.0)), Plan)
 
 
 @pytest.mark.parametrize("case", range(12))
