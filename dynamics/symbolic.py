@@ -44,7 +44,8 @@ def symbolic_inverse_dynamics(
             spin = spin + qd[i] * z
         else:
             a = a + qdd[i] * z + 2.0 * qd[i] * casadi.cross(spin, z)
-        R, arm = frames[i][:3, :3], _center(packed, frames, i) - o
+        R = frames[i][:3, :3]
+        arm = casadi.mtimes(R, casadi.DM(packed.centers[i]))
         f = packed.masses[i] * (a + _relative(rate, spin, arm))
         about = casadi.DM(packed.tensors[i])
         w, dw = casadi.mtimes(R.T, spin), casadi.mtimes(R.T, rate)
@@ -53,10 +54,6 @@ def symbolic_inverse_dynamics(
         arms.append(o - last)
         last = o
     return _torques(packed, frames, forces, arms, qd, qdd)
-
-
-def _center(packed: Bodies, frames: list[Expression], i: int) -> Expression:
-    return casadi.mtimes(frames[i][:3, :3], casadi.DM(packed.centers[i])) + frames[i][:3, 3]
 
 
 def _relative(rate: Expression, spin: Expression, arm: Expression) -> Expression:

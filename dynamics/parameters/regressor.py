@@ -116,17 +116,12 @@ def motor_columns(motion: Array, Y: Array) -> None:
     These are diag(a), diag(q_dot) and, if there is room, diag(tanh(q_dot / v)) of dry friction.
     """
     n = motion.shape[0]
-    if Y.shape[1] < 12 * n:
-        return
-    Y[:, 10 * n : 12 * n] = 0.0
-    for i in range(n):
-        Y[i, 10 * n + i] = motion[i, 3]
-        Y[i, 11 * n + i] = motion[i, 1]
-    if Y.shape[1] < 13 * n:
-        return
-    Y[:, 12 * n : 13 * n] = 0.0
-    for i in range(n):
-        Y[i, 12 * n + i] = np.tanh(motion[i, 1] / SMOOTH_SPEED)
+    for kind in range(Y.shape[1] // n - 10):
+        first = (10 + kind) * n
+        Y[:, first : first + n] = 0.0
+        for i in range(n):
+            value = motion[i, 3] if kind == 0 else motion[i, 1]
+            Y[i, first + i] = value if kind < 2 else np.tanh(value / SMOOTH_SPEED)
 
 
 def regressor(

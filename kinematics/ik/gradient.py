@@ -96,14 +96,12 @@ class GradientOptions:
     duration: float | None = None
 
     def __post_init__(self) -> None:
-        if self.rule not in RULES:
-            raise InvalidOption(f"there is no rule {self.rule!r}", hint=f"One of: {RULES}.")
-        if self.form is not None and self.form not in FORMS:
-            raise InvalidOption(f"there is no form {self.form!r}", hint=f"One of: {FORMS}.")
-        if self.coordinates not in COORDINATES:
-            raise InvalidOption(
-                f"there are no coordinates {self.coordinates!r}", hint=f"One of: {COORDINATES}."
-            )
+        choices = {"rule": RULES, "form": (None, *FORMS), "coordinates": COORDINATES}
+        for name, known in choices.items():
+            if getattr(self, name) not in known:
+                raise InvalidOption(
+                    f"{name} {getattr(self, name)!r} is unknown", hint=f"One of: {known}."
+                )
         if self.steps is not None and self.steps < 1:
             raise InvalidOption(f"steps must be 1 at least, got {self.steps}")
         check_axes(self.axes)

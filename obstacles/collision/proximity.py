@@ -42,15 +42,6 @@ _DEEPEST = 128
 _DEPTH = 0.01
 
 
-@kernel(inline="always")
-def _stand(model: ModelArrays, q: Array) -> Workspace:
-    """A workspace with the robot standing still in ``q``."""
-    work = workspace(model)
-    work.joints[:] = 0.0
-    stand_in(model, work, q)
-    return work
-
-
 @kernel(allocates=False)
 def stand_in(model: ModelArrays, work: Workspace, q: Array) -> None:
     """Let the robot stand still in ``q`` in a workspace whose joints do not deviate."""
@@ -335,7 +326,10 @@ def near_pairs(
     Returns:
         How many there are, which can be more than fit.
     """
-    return near_pairs_in(model, _stand(model, q), within, NearPairs(found, distances, gradients))
+    work = workspace(model)
+    work.joints[:] = 0.0
+    stand_in(model, work, q)
+    return near_pairs_in(model, work, within, NearPairs(found, distances, gradients))
 
 
 @kernel(allocates=False)

@@ -363,9 +363,8 @@ def parallel_jaw(name: str, link: str | None, size: Sizes) -> Tool:
         size: Sizes, as ``SIZES`` has them.
     """
     body = Box((size["width"], size["depth"], size["height"]))
-    finger = Box((size["finger_thickness"], size["finger_width"], size["finger_length"]))
     jaws = {"left": 0.0, "right": math.pi}
-    return _gripper(name, link, size, body, (finger, jaws))
+    return _gripper(name, link, size, body, jaws)
 
 
 def three_jaw(name: str, link: str | None, size: Sizes) -> Tool:
@@ -377,9 +376,8 @@ def three_jaw(name: str, link: str | None, size: Sizes) -> Tool:
         size: Sizes, as ``SIZES`` has them.
     """
     body = Cylinder(size["radius"], size["height"])
-    finger = Box((size["finger_thickness"], size["finger_width"], size["finger_length"]))
     jaws = {f"jaw_{k + 1}": 2.0 * math.pi * k / 3.0 for k in range(3)}
-    return _gripper(name, link, size, body, (finger, jaws))
+    return _gripper(name, link, size, body, jaws)
 
 
 def suction_cup(name: str, link: str | None, size: Sizes) -> Tool:
@@ -471,11 +469,11 @@ def _gripper(
     link: str | None,
     size: Sizes,
     body: Box | Cylinder,
-    fingers: tuple[Box, Mapping[str, float]],
+    angles: Mapping[str, float],
 ) -> Tool:
     """A body with equal jaws about z, whose inner faces meet on the axis."""
     height, length = size["height"], size["finger_length"]
-    shape, angles = fingers
+    shape = Box((size["finger_thickness"], size["finger_width"], length))
     place = transform(position=[0.5 * size["finger_thickness"], 0.0, height + 0.5 * length])
     jaws = {
         jaw: Jaw(transform(rotation_z(angle)), np.array([1.0, 0.0, 0.0]), (Solid(shape, place),))
