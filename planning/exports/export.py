@@ -11,6 +11,7 @@ import numpy as np
 from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain, Limits
+from kinematics.trajectory.polynomial import composed_pieces
 from kinematics.trajectory.trajectory import Trajectory, concatenate, interpolate
 from obstacles.robots.robot_geometry import RobotGeometry, lever_arms
 from obstacles.scenes.scene import Scene
@@ -22,7 +23,6 @@ from planning.exports.points import ExportPoints, export_points
 from planning.proof.certificate import Certificate, certify
 from planning.proof.limits.limits import QUANTITIES
 from planning.proof.premises import Premises
-from planning.timing.path.path import composed_pieces
 from planning.values.deadline import Deadline
 from planning.values.limits import RATIO_TOLERANCE, MotionLimits
 

@@ -15,11 +15,11 @@ import scipy
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain
+from kinematics.trajectory.polynomial import composed_pieces
 from kinematics.trajectory.trajectory import INTERPOLATIONS, Trajectory, concatenate, interpolate
 from kinematics.velocity import joint_velocities
 from planning.stops.braking import BrakingLimits
 from planning.stops.stop_family import braking_motion, state_at, taylor
-from planning.timing.path.path import composed_pieces
 
 #: Time after which the joint velocities of a twist are worked out anew [s].
 _TWIST_STEP = 0.02

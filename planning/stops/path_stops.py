@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array, Indices
+from kinematics.trajectory.polynomial import composed_pieces
 from kinematics.trajectory.trajectory import Trajectory, stay
 from planning.stops.braking import BrakingLimits
 from planning.stops.stop_family import derivative_interval, taylor
@@ -139,7 +140,7 @@ def path_stop(trajectory: Trajectory, at: float, limits: BrakingLimits) -> Traje
         limits: Limits that the joints brake within.
     """
     cells = path_cells(trajectory, at)
-    breaks, pieces, square = [0.0], [], np.ones(1)
+    breaks, phases, square = [0.0], list[tuple[float, float, float]](), np.ones(1)
     for k in range(len(cells.piece)):
         slower = float(cells.deceleration(k, square, limits)[0])
         speed = float(np.sqrt(square[0]))
@@ -147,24 +148,13 @@ def path_stop(trajectory: Trajectory, at: float, limits: BrakingLimits) -> Traje
         if np.isinf(slower) or not taken[0] > 0.0:
             # Nothing moves here: the arm is at rest.
             break
-        c = taylor(trajectory.coefficients[cells.piece[k : k + 1]], cells.begin[k : k + 1])[0]
-        pieces.append(_composed(c, speed, slower))
+        phases.append((float(cells.begin[k]), speed, -0.5 * slower))
         breaks.append(breaks[-1] + float(taken[0]))
         if not square[0] > 0.0:
             break
-    if not pieces:
+    if not phases:
         rest = trajectory.sample([at])[0]
         return stay(trajectory.joint_names, rest)
-    return Trajectory(trajectory.joint_names, np.array(breaks), np.stack(pieces))
-
-
-def _composed(c: Array, speed: float, slower: float) -> Array:
-    """Coefficients (n, 2 k - 1) of q(speed t - slower t^2 / 2), q by its own (n, k)."""
-    n, k = c.shape
-    total = np.zeros((n, 2 * k - 1))
-    power = np.zeros(2 * k - 1)
-    power[0] = 1.0
-    for i in range(k):
-        total += c[:, i : i + 1] * power
-        power = np.convolve(power, [0.0, speed, -0.5 * slower])[: 2 * k - 1]
-    return total
+    owners = cells.piece[: len(phases)]
+    pieces = composed_pieces(trajectory.coefficients, owners, np.array(phases), 2)
+    return Trajectory(trajectory.joint_names, np.array(breaks), pieces)

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption
+from kinematics.trajectory.polynomial import composed_pieces
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.double_s import MAX_PHASES, line_phases, moving_leg_kernel
 from planning.timing.jerk.grid import (
@@ -33,7 +34,7 @@ from planning.timing.jerk.grid import (
 )
 from planning.timing.jerk.interior_point import least_time_kernel
 from planning.timing.options import TimingFailed
-from planning.timing.path.path import SAME_DIRECTION, JointPath, composed_pieces
+from planning.timing.path.path import SAME_DIRECTION, JointPath
 from planning.timing.speed.effort_limits import Extra, KnotLimits, effort_rows, slow_down
 from planning.timing.time_scaling import ScaledTime, dilate, motion_bounds, slowed_at_ends
 from planning.values.limits import EffortLimits

@@ -20,9 +20,10 @@ import scipy
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
+from kinematics.trajectory.polynomial import composed_pieces
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.double_s import MAX_PHASES, are_same, ramp_length, write_ramp
-from planning.timing.path.path import JointPath, composed_pieces
+from planning.timing.path.path import JointPath
 from planning.timing.time_scaling import ScaledTime, dilate
 
 #: Share of the limits of acceleration and jerk that constant speeds may use: the rest is for ramps.

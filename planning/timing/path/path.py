@@ -6,65 +6,9 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compiled.kernel import kernel
-from kinematics.arrays import Array, Indices, frozen
+from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory.polynomial import sample_kernel, shift_kernel
-
-
-@kernel(allocates=False)
-def compose_kernel(outer: Array, top: int, inner: Array, product: Array, out: Array) -> None:
-    """Write the coefficients of outer(inner(t)).
-
-    Args:
-        outer: Ascending powers; those above ``top`` are not checked, shape (>= top + 1,).
-        top: Degree of the outer polynomial.
-        inner: Ascending powers from 1 on (there is no constant), shape (d,).
-        product: Scratch, shape (>= top d + 1,).
-        out: Ascending powers, shape (>= top d + 1,); entries above top d stay as they are.
-    """
-    degree = inner.shape[0]
-    out[0] = outer[top]
-    used = 1
-    for k in range(top - 1, -1, -1):
-        for m in range(used + degree):
-            product[m] = 0.0
-        for m in range(used):
-            for i in range(degree):
-                product[m + 1 + i] += out[m] * inner[i]
-        used += degree
-        for m in range(used):
-            out[m] = product[m]
-        out[0] += outer[k]
-
-
-@kernel
-def compose_pieces_kernel(
-    coefficients: Array, owners: Indices, phases: Array, order: int, work: Array, out: Array
-) -> None:
-    """Write the coefficients of q(s(t)) for polynomials s(t).
-
-    Args:
-        coefficients: Coefficients of the path, shape (p, n, d + 1).
-        owners: The path's piece of each phase, shape (m,).
-        phases: Rows of the start within the piece and the coefficients of t to t^order of s, shape
-            (m, >= order + 1).
-        order: Degree of s(t).
-        work: Memory, shape (2, order d + 1).
-        out: Zeros come in, shape (m, n, order d + 1).
-    """
-    n, size = coefficients.shape[1:]
-    shifted, product, inner = work[0, :size], work[1], np.empty(order)
-    for i in range(owners.shape[0]):
-        for k in range(order):
-            inner[k] = phases[i, 1 + k]
-        for j in range(n):
-            shift_kernel(coefficients[owners[i], j], phases[i, 0], shifted)
-            top = size - 1
-            while top > 0 and shifted[top] == 0.0:
-                top -= 1
-            compose_kernel(shifted, top, inner, product, out[i, j])
-
 
 # Directions that differ by less are the same direction: a corner this flat changes no velocity by
 # more than the ninth digit, and legs of a micrometre still have their direction to ten digits.
@@ -197,19 +141,3 @@ def piece_values(coefficients: Array, places: Array, derivative: int) -> Array:
     for k in range(c.shape[2] - 1, -1, -1):
         value = value * places[:, None] + c[:, :, k]
     return value
-
-
-def composed_pieces(coefficients: Array, owners: Indices, phases: Array, order: int) -> Array:
-    """Coefficients of q(s(t)), shape (m, n, order d + 1), as ``compose_pieces_kernel`` takes them.
-
-    Args:
-        coefficients: Coefficients of q(s) of degree d, shape (p, n, d + 1).
-        owners: The piece of each phase, shape (m,).
-        phases: Rows of the start within the piece and the coefficients of t to t^order of s, shape
-            (m, >= order + 1).
-        order: Degree of s(t).
-    """
-    size = order * (coefficients.shape[2] - 1) + 1
-    pieces, work = np.zeros((len(owners), coefficients.shape[1], size)), np.empty((2, size))
-    compose_pieces_kernel(coefficients, owners, phases, order, work, pieces)
-    return pieces

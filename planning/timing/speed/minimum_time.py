@@ -26,9 +26,10 @@ from numpy.typing import ArrayLike, NDArray
 from compiled.kernel import kernel
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption
+from kinematics.trajectory.polynomial import composed_pieces
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.options import Solver, TimingFailed
-from planning.timing.path.path import JointPath, composed_pieces
+from planning.timing.path.path import JointPath
 from planning.timing.speed.constraints import Cells, cells, guards
 from planning.timing.speed.effort_limits import slow_down, with_effort_rows
 from planning.timing.time_scaling import (
