@@ -1,7 +1,4 @@
-"""Equations of motion, regressors and statics as requests ask for them.
-
-One state is computed by the server itself; many go to a worker.
-"""
+"""Equations of motion, regressors and statics as requests ask for them."""
 
 from typing import Any
 

@@ -1,7 +1,4 @@
-"""Kinematics of a robot, and conversion of poses, as requests ask for them.
-
-What is cheap is called by the server itself, on chains it keeps; all else runs in workers.
-"""
+"""Kinematics of a robot, and conversion of poses, as requests ask for them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
