@@ -50,12 +50,10 @@ from tests.planning.sequence import crate
 @pytest.mark.parametrize(
     ("name", "count"),
     [
-        # Two turns of nearly every joint.
-        ("ur5e", 8),
         # One turn and less.
         ("kr6_sixx", 4),
         # A joint to spare.
-        ("iiwa14", 10),
+        ("iiwa14", 4),
         ("panda", 2),
         # Joints that slide; no closed form.
         ("stanford", 4),
@@ -80,14 +78,15 @@ def test_joints_without_end_have_no_limit_to_be_at() -> None:
     description = parse_urdf(urdf)
     robot = robot_geometry(serial_chain(description), description, {})
     assert robot.chain.continuous.sum() == 3
-    tally = judge(robot, urdf, 6, seed=0)
-    assert tally.planned == 6
+    tally = judge(robot, urdf, 4, seed=0)
+    assert tally.planned == 4
     assert tally.broken == []
 
 
 def test_motions_take_the_turns_that_are_near() -> None:
-    """Until all turns were looked at, half of a UR5e's motions took 1.14 times as long and more."""
+    """Two of nearly every joint; half of a UR5e's motions took 1.14 times as long without them."""
     tally = judge(builtin("ur5e"), builtin_urdf("ur5e"), 8, seed=1)
+    assert (tally.planned, tally.broken) == (8, [])
     assert np.median(tally.behind) < 1.02
 
 
