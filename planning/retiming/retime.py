@@ -427,7 +427,9 @@ def _failure(
     """
     assert violation is not None
     if violation.kind != "position":
-        return TimingFailed(f"no motion was proved: {violation.message}", hint=_SIZES)
+        is_far = violation.kind == "path_deviation"
+        hint = "Give a larger path.tolerance: this one is within rounding." if is_far else _SIZES
+        return TimingFailed(f"no motion was proved: {violation.message}", hint=hint)
     free = dict.fromkeys(("velocity", "acceleration", "jerk"), np.full(shape.n, np.inf))
     outside = certify_limits(shape, chain, MotionLimits(free)).violation or violation
     piece = int(np.searchsorted(shape.breaks[1:-1], outside.time, side="right"))

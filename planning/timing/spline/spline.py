@@ -204,7 +204,8 @@ def smooth_motion(
 ) -> tuple[Trajectory, float]:
     """The motion of few cubics near a recorded one, and a bound of their distance at every instant.
 
-    Spans in which it is farther are halved, until none is or samples are too few.
+    Spans in which it is farther are halved, until none is or samples are too few; then a spline
+    through all samples may be nearer.
 
     Args:
         joint_names: n names.
@@ -238,8 +239,15 @@ def smooth_motion(
         split = np.intersect1d(off, wide)
         # A spline has two coefficients more than breaks, and no more of them than samples.
         if not len(split) or len(breaks) + len(split) + 2 > len(t):
-            return motion, closest
+            break
         breaks = np.unique(np.concatenate([breaks, (breaks[split] + breaks[split + 1]) // 2]))
+    if closest > tolerance:
+        still = [(1 if rest else 2, np.zeros(q.shape[1]))]
+        through = scipy.interpolate.make_interp_spline(t, q, 3, bc_type=(still, still))
+        off = float(_distances(through, line, np.inf, 8)[1].max())
+        if off < closest:
+            return Trajectory(tuple(joint_names), t, _powers(through, t[:-1])), off
+    return motion, closest
 
 
 def _near_simplified(
@@ -277,13 +285,20 @@ def _powers(spline: "scipy.interpolate.BSpline", starts: Array) -> Array:
 
 
 def _distances(
-    curve: "scipy.interpolate.BSpline", line: "scipy.interpolate.BSpline", norm: float
+    curve: "scipy.interpolate.BSpline",
+    line: "scipy.interpolate.BSpline",
+    norm: float,
+    cuts: int = 1,
 ) -> tuple[Array, Array]:
     """Places from which on two splines are polynomials, and bounds of their distance from each on.
 
-    The distance is that at the same parameter.
+    The distance is that at the same parameter; its bounds are the sharper the more ``cuts`` each
+    polynomial is in.
     """
     places = np.unique(np.concatenate([curve.t, line.t]))
+    if cuts > 1:
+        last = len(places) - 1
+        places = np.interp(np.linspace(0.0, last, cuts * last + 1), np.arange(last + 1.0), places)
     starts, lengths = places[:-1], np.diff(places)
     powers = _powers(curve, starts)
     # On a straight leg up to rounding: its slope is right of each place.

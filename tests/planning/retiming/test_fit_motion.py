@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy
 
 import armwright as aw
 from kinematics.arrays import Array
@@ -77,3 +78,24 @@ def test_few_samples_beyond_the_tolerance_are_refused_in_words() -> None:
         samples = np.random.default_rng(count).normal(size=(count, 2))
         with pytest.raises(InvalidOption, match="no motion of cubics was found"):
             fit_motion(np.arange(float(count)), samples, 1e-9)
+
+
+@pytest.mark.parametrize("rest", [False, True])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_record_is_fitted_where_a_spline_through_its_samples_is_near(
+    seed: int, rest: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    u = np.linspace(0.0, 1.0, 150)
+    record = np.outer(u, rng.normal(size=3)) + 0.1 * np.sin(np.outer(u, rng.uniform(5, 30, 3)))
+    record = np.round(record + 1e-3 * np.outer(np.cos(np.pi * np.arange(150)), [1, 0, 0]), 4)
+    times = 0.01 * np.arange(150)
+    through = scipy.interpolate.CubicSpline(times, record, bc_type="clamped" if rest else "natural")
+    fine = np.linspace(0.0, times[-1], 30 * 149 + 1)
+    even = np.stack([np.interp(fine, times, row) for row in record.T], axis=-1)
+    tolerance = 1.1 * float(np.abs(through(fine) - even).max())
+    found = aw.fit_motion(times, record, tolerance, rest=rest)
+    off = np.abs(found.trajectory.sample(fine) - even).max()
+    assert off <= found.deviation <= tolerance
+    if rest:
+        assert not found.trajectory.sample([0.0, times[-1]], 1).round(9).any()

@@ -8,6 +8,7 @@ import pytest
 import toppra
 from scipy.interpolate import CubicSpline
 
+import armwright as aw
 from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
 from kinematics.errors import InvalidTrajectory
@@ -206,3 +207,14 @@ def test_stops_are_named_by_their_place_on_the_path() -> None:
         "The motion stops at waypoint(s) 1, 2, 3."
         in retime(PathToTime(("a", "b"), back), TimingOptions(), limits).notes
     )
+
+
+def test_a_tolerance_within_rounding_is_refused_as_one() -> None:
+    u = np.linspace(0.0, 1.0, 600)[:, None]
+    noise = np.random.default_rng(0).normal(size=(600, 1))
+    path = 0.7 + 1e-9 * u * np.cos(40.0 * u) + 1e-12 * noise
+    limits = {"velocity": [1.0], "acceleration": [5.0], "jerk": [100.0]}
+    with pytest.raises(TimingFailed, match="farther than 1e-16") as refused:
+        aw.retime(path, limits=limits, tolerance=1e-16)
+    assert refused.value.hint is not None
+    assert "larger path.tolerance" in refused.value.hint
