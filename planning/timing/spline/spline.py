@@ -242,11 +242,12 @@ def smooth_motion(
             break
         breaks = np.unique(np.concatenate([breaks, (breaks[split] + breaks[split + 1]) // 2]))
     if closest > tolerance:
-        still = [(1 if rest else 2, np.zeros(q.shape[1]))]
-        through = scipy.interpolate.make_interp_spline(t, q, 3, bc_type=(still, still))
-        off = float(_distances(through, line, np.inf, 8)[1].max())
-        if off < closest:
-            return Trajectory(tuple(joint_names), t, _powers(through, t[:-1])), off
+        through = scipy.interpolate.make_interp_spline(
+            t, q, 3, bc_type="clamped" if rest else "natural"
+        )
+        nearest = float(_distances(through, line, np.inf, 8)[1].max())
+        if nearest < closest:
+            return Trajectory(tuple(joint_names), t, _powers(through, t[:-1])), nearest
     return motion, closest
 
 
