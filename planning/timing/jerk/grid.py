@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
+from planning.timing.jerk.double_s import ramp_length
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import Extra, KnotLimits
 
@@ -513,9 +514,7 @@ def _ramp(slope: Array, limits: Array) -> float:
         v, a, j = (limits / slope).min(axis=1)
     if not np.isfinite(j):
         return np.inf
-    v = min(v, 1e6 * a * a / j)
-    time = v / a + a / j if v * j > a * a else 2.0 * np.sqrt(v / j)
-    return float(0.5 * v * time)
+    return float(ramp_length(0.0, min(v, 1e6 * a * a / j), a, j))
 
 
 def _knots(
