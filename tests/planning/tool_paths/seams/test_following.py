@@ -48,7 +48,7 @@ def line_search(reach: float) -> SeamSearch:
 
 
 @pytest.mark.parametrize("reach", [0.15, 0.3, 0.4])
-def test_a_calmer_way_is_short_and_keeps_to_the_tolerance(reach: float) -> None:
+def test_a_calmer_way_is_short_and_keeps_to_the_tolerance_and_from_limits(reach: float) -> None:
     search = line_search(reach)
     joints = search.run().joints
     assert joints is not None
@@ -60,14 +60,7 @@ def test_a_calmer_way_is_short_and_keeps_to_the_tolerance(reach: float) -> None:
         T = oracle.pose(q)
         np.testing.assert_allclose(T[:3, 3], nominal[:3, 3], atol=2e-6)
         assert T[:3, 2] @ nominal[:3, 2] >= np.cos(TILT + 2e-6)
-
-
-def test_a_calmer_way_comes_no_nearer_to_limits_than_the_way_at_hand() -> None:
-    search = line_search(0.3)
     limits = search.chain.limits
-    joints = search.run().joints
-    assert joints is not None
-    calm = refine(search, joints)
     half = 0.5 * (limits.upper - limits.lower)
     left, calm_left = (
         np.minimum(q - limits.lower, limits.upper - q).min(axis=0) / half for q in (joints, calm)
@@ -287,7 +280,8 @@ def test_without_leave_the_seam_is_refused_where_the_branch_ends() -> None:
 
 
 def test_with_a_change_the_whole_seam_is_followed_from_rest_to_rest() -> None:
-    answer = ask(BACK)
+    scene = Scene((box("post", (0.1, 0.1, 1.0), (-0.6, 0.6, 0.5)),))
+    answer = ask(BACK, scene)
     assert isinstance(answer, Plan), answer
     assert answer.certificate.verified
     parts = [report.part for report in answer.tool_motions]
@@ -308,19 +302,11 @@ def test_with_a_change_the_whole_seam_is_followed_from_rest_to_rest() -> None:
     assert abs(second[0] - first[0]) > 4.0
     rests = [away.begins, away.ends, back.begins, back.ends, motion.duration]
     np.testing.assert_allclose(motion.sample(rests, 1), 0.0, atol=1e-6)
-
-
-def test_tool_and_clearance_hold_by_independent_kinematics() -> None:
-    scene = Scene((box("post", (0.1, 0.1, 1.0), (-0.6, 0.6, 0.5)),))
-    answer = ask(BACK, scene)
-    assert isinstance(answer, Plan), answer
-    oracle = PinocchioArm("kr6_sixx")
-    fcl, motion = FclJudge(builtin("kr6_sixx"), scene), answer.trajectory
+    # Tool and clearance hold by independent kinematics.
+    oracle, fcl = PinocchioArm("kr6_sixx"), FclJudge(builtin("kr6_sixx"), scene)
     for time in np.linspace(0.0, motion.duration, 400):
         assert not fcl.collides(motion.sample([time])[0])
-    for report in answer.tool_motions:
-        if report.part != "seam":
-            continue
+    for report in seam:
         for time in np.linspace(report.begins, report.ends, 5):
             q = motion.sample([min(time, motion.duration)])[0]
             T = oracle.pose(q)
@@ -330,9 +316,8 @@ def test_tool_and_clearance_hold_by_independent_kinematics() -> None:
             assert T[2, 2] <= -math.cos(1.1e-3)
 
 
-@pytest.mark.parametrize("distance", [3.0])
-def test_a_retreat_out_of_reach_leaves_the_reason_of_one_branch(distance: float) -> None:
-    answer = ask(StraightOffset(np.array([0.0, 0.0, -1.0]), distance))
+def test_a_retreat_out_of_reach_leaves_the_reason_of_one_branch() -> None:
+    answer = ask(StraightOffset(np.array([0.0, 0.0, -1.0]), 3.0))
     assert isinstance(answer, Failure)
     assert answer.details["reason"] in {"branch", "limit"}
     assert "waypoint" in answer.details

@@ -253,17 +253,6 @@ def test_what_is_in_the_way_is_named_with_its_depth_and_the_waypoint() -> None:
     assert details["longest"]["from_waypoint"] == 0
 
 
-def test_waypoints_out_of_reach_say_by_how_much() -> None:
-    R = from_axis_angle([1.0, 0.0, 0.0], math.pi)
-    points = tuple(SeamWaypoint(transform(R, [x, 0.0, 0.4])) for x in np.linspace(0.5, 1.2, 15))
-    answer = ask(points)
-    assert isinstance(answer, Failure)
-    details = answer.details
-    assert details["reason"] in {"unreachable", "branch", "limit"}
-    assert 3 <= details["waypoint"] <= 12
-    assert 0.2 < details["longest"]["fraction"] < 0.8
-
-
 def test_a_tolerance_that_would_help_is_named() -> None:
     R = from_axis_angle([1.0, 0.0, 0.0], math.pi)
     turns = [from_axis_angle(UP, angle) @ R for angle in np.linspace(0.0, 6.0, 40)]
@@ -284,6 +273,7 @@ def test_a_seam_out_of_reach_tells_which_tilt_would_do() -> None:
     points = tuple(SeamWaypoint(transform(R, place)) for place in places)
     answer = ask(points, ToolTolerance.of({}, ("rz",)))
     assert isinstance(answer, Failure)
+    assert answer.details["reason"] in {"unreachable", "branch", "limit"}
     (tilt,) = [one["tilt"] for one in answer.details["would_help"] if "tilt" in one]
     followed(ask(points, ToolTolerance.of({}, ("rz",), tilt=tilt)))
 
