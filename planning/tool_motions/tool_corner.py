@@ -150,9 +150,8 @@ class ToolCorner:
         return np.asarray(np.clip(u, 0.0, 1.0))
 
 
-#: Motions of the tool of every kind, and their names.
+#: Motions of the tool of every kind.
 ToolCurve = ToolMotion | ToolCorner
-CurveKind = Literal["lin", "circ", "corner"]
 
 
 def best_slope(angle: float) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from kinematics.arrays import Array, frozen
 from kinematics.pose import transform
 from planning.timing.path.path import JointPath
-from planning.tool_motions.tool_corner import CurveKind, ToolCurve
+from planning.tool_motions.tool_corner import ToolCurve
 from planning.tool_motions.tool_motion import line
 from planning.tool_motions.tool_tolerance import ToolTolerance
 
@@ -75,11 +75,6 @@ class ToolRun:
         return cls.of(line(T_start, transform(T_start[:3, :3], T_start[:3, 3] + way)))
 
     @property
-    def kind(self) -> CurveKind:
-        """Kind of the first motion."""
-        return self.motions[0].kind
-
-    @property
     def breaks(self) -> Array:
         """Places where motions begin, and 1, shape (k + 1,)."""
         if len(self.motions) == 1:
@@ -105,12 +100,6 @@ class ToolRun:
     def angle(self) -> float:
         """Sum of the angles that the tool turns by [rad]."""
         return sum(motion.angle for motion in self.motions)
-
-    def locate(self, s: float) -> tuple[ToolCurve, float]:
-        """The motion at a place of the run, and the place on that motion."""
-        breaks = self.breaks
-        k = min(int(np.searchsorted(breaks, s, side="right")) - 1, len(self.motions) - 1)
-        return self.motions[k], float((s - breaks[k]) / (breaks[k + 1] - breaks[k]))
 
     def pose(self, s: float) -> Array:
         """T_base_tool at a place from 0 to 1, shape (4, 4)."""

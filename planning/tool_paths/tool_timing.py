@@ -210,17 +210,15 @@ def _time_motion(
     path: JointPath,
     parametrization: TimeParametrization,
 ) -> ScaledTime:
-    if run.tool_speeds:
-        steady = _time_steadily(chain, run, tool_path.speed_band, path, parametrization)
-        if steady is not None:
-            return steady
-        parametrization = parametrization.at_tool_speed(chain, min(run.tool_speeds))
-    elif parametrization.tool_speed is not None and len(run.motions) > 1:
-        asked = replace(run, tool_speeds=(parametrization.tool_speed,) * len(run.motions))
+    asked, band, speed = run, tool_path.speed_band, parametrization.tool_speed
+    if not run.tool_speeds and speed is not None and len(run.motions) > 1:
         # Band of the speed of motions without a rest between them, as part of it.
-        steady = _time_steadily(chain, asked, 0.01, path, parametrization)
+        asked, band = replace(run, tool_speeds=(speed,) * len(run.motions)), 0.01
+    if asked.tool_speeds:
+        steady = _time_steadily(chain, asked, band, path, parametrization)
         if steady is not None:
             return steady
+        parametrization = parametrization.at_tool_speed(chain, min(asked.tool_speeds))
     if parametrization.method.follows_path:
         return parametrization.time(path, chain.joint_names)
     knots = path.breaks

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -29,6 +28,7 @@ class SeamPlaces:
         s: Place on that run, shape (k,).
         nominal: Poses asked for, shape (k, 4, 4).
         tolerances: Tolerances there.
+        directions: Unit tangents of the path, shape (k, 3).
         along: Length of the seam up to each place [m], shape (k,).
         turned: Angle that the path turns by up to each place [rad], shape (k,).
         waypoint: Index of the waypoint at or before each place, shape (k,).
@@ -40,6 +40,7 @@ class SeamPlaces:
     s: Array
     nominal: Array
     tolerances: tuple[ToolTolerance, ...]
+    directions: Array
     along: Array
     turned: Array
     waypoint: Indices
@@ -51,13 +52,7 @@ class SeamPlaces:
         packed = {tolerance: pack_tolerance(tolerance) for tolerance in set(self.tolerances)}
         object.__setattr__(self, "boxes", np.array([packed[one] for one in self.tolerances]))
 
-    @cached_property
-    def directions(self) -> Array:
-        """Unit tangents of the path at each place, shape (k, 3)."""
-        located = [self.runs[run].locate(s) for run, s in zip(self.run, self.s, strict=True)]
-        return np.array([motion.direction(at) for motion, at in located])
-
-    @cached_property
+    @property
     def bent(self) -> Array:
         """Angle that the direction of the path turns by up to each place, shape (k,) [rad]."""
         cosines = np.einsum("ki,ki->k", self.directions[1:], self.directions[:-1])
@@ -179,7 +174,7 @@ def seam_places(runs: tuple[ToolRun, ...]) -> SeamPlaces:
     Args:
         runs: Runs from rest to rest, each from where the one before ends.
     """
-    rows: list[tuple[int, float, ToolTolerance, float, float, int]] = []
+    rows: list[tuple[int, float, ToolTolerance, Array, float, float, int]] = []
     ends: list[int] = []
     along = turned = 0.0
     for number, run in enumerate(runs):
@@ -196,14 +191,16 @@ def seam_places(runs: tuple[ToolRun, ...]) -> SeamPlaces:
             for i in range(count):
                 share = i / count
                 s = part.begin + share * (part.end - part.begin)
-                row = (along + share * length, turned + share * angle, part.asked)
+                direction = part.motion.direction(share)
+                row = (direction, along + share * length, turned + share * angle, part.asked)
                 rows.append((number, s, part.tolerance, *row))
             along, turned = along + length, turned + angle
         ends.append(len(rows))
     last = runs[-1].parts[-1]
     assert last.tolerance is not None
-    rows.append((len(runs) - 1, 1.0, last.tolerance, along, turned, last.asked + 1))
-    numbers, places, tolerances, lengths, angles, waypoint = zip(*rows, strict=True)
+    ahead = last.motion.direction(1.0)
+    rows.append((len(runs) - 1, 1.0, last.tolerance, ahead, along, turned, last.asked + 1))
+    numbers, places, tolerances, directions, lengths, angles, waypoint = zip(*rows, strict=True)
     return SeamPlaces(
         runs,
         np.array(numbers),
@@ -212,6 +209,7 @@ def seam_places(runs: tuple[ToolRun, ...]) -> SeamPlaces:
             [run.poses(frozen(places)[np.array(numbers) == k]) for k, run in enumerate(runs)]
         ),
         tolerances,
+        frozen(directions),
         frozen(lengths),
         frozen(angles),
         np.array(waypoint),

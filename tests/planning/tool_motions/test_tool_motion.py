@@ -163,10 +163,9 @@ def test_places_are_proportional_to_the_length_of_the_whole() -> None:
     assert RUN.length == pytest.approx(0.3 + HALF)
     assert RUN.angle == pytest.approx(0.5)
     np.testing.assert_allclose(RUN.breaks, [0.0, BREAK, 1.0])
-    assert RUN.kind == "lin"
     single = ToolRun.of(RUN.motions[1], 7)
     np.testing.assert_array_equal(single.breaks, [0.0, 1.0])
-    assert (single.asked, single.kind) == ((7,), "circ")
+    assert single.asked == (7,)
 
 
 def test_poses_are_those_of_the_motion_at_the_place() -> None:
@@ -182,9 +181,6 @@ def test_poses_are_those_of_the_motion_at_the_place() -> None:
         np.testing.assert_allclose(T[:3, 3], point, atol=1e-12)
         np.testing.assert_allclose(T[:3, :3], R, atol=1e-12)
         np.testing.assert_allclose(RUN.pose(float(s)), T, atol=1e-14)
-    motion, at = RUN.locate(BREAK + 0.25 * (1.0 - BREAK))
-    assert motion is RUN.motions[1]
-    assert at == pytest.approx(0.25)
 
 
 def test_parts_tell_what_was_asked_and_the_box() -> None:

@@ -100,6 +100,9 @@ def test_places_are_near_each_other_and_tell_where_they_are() -> None:
     np.testing.assert_allclose(angles, turns, atol=1e-12)
     np.testing.assert_allclose(places.turned, turns, atol=1e-12)
     np.testing.assert_allclose(places.s, places.along / length[-1], atol=1e-12)
+    ahead = np.diff(places.nominal[:, :3, 3], axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1)[:, None]
+    np.testing.assert_allclose(places.directions, [*ahead, ahead[-1]], atol=1e-9)
     np.testing.assert_array_equal(
         places.waypoint, np.searchsorted(length, places.along + 1e-9, side="right") - 1
     )
