@@ -264,9 +264,10 @@ def _solutions(table: Branches, outside_limits: bool) -> list[IkSolution]:
 
 
 def _solution(table: Branches, row: int) -> IkSolution:
-    q = table.joints[row].copy()
+    values, n = table.table[row], table.n
+    q = values[:n].copy()
     q.setflags(write=False)
-    position, orientation, inside = table.table[row, table.n : table.n + 3].tolist()
+    position, orientation, inside = values[n : n + 3].tolist()
     return IkSolution(q, position, orientation, 0, table.label(row), inside != 0.0)
 
 
