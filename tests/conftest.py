@@ -27,6 +27,7 @@ _TOGETHER = (
 LONG = (
     "tests/service/test_kernels.py", "tests/compiled/test_kernel.py",
     "tests/service/test_cli.py", "tests/service/test_reproducible.py",
+    "tests/test_wheels.py", "tests/service/test_durability.py",
     "tests/compiled/test_build.py", "tests/command_line/test_studio.py",
     "tests/planning/goal_choice/test_plans.py",
     "tests/service/test_startup.py", "tests/service/test_agents.py",
