@@ -16,7 +16,7 @@ from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory, interpolate
 from tests.dynamics.samples import cart_pendulum, planar_rr, random_chain
-from tests.tracking.samples import constant, linear_response, slider, smooth
+from tests.tracking.samples import constant, linear_response, smooth
 from tracking.controllers.control_law import Kind
 from tracking.controllers.controller import Controller, Flow, LawController, Reference
 from tracking.controllers.gain import commute, gain_matrix, gain_vector
@@ -58,58 +58,10 @@ def test_error_follows_the_placed_poles(seed: int) -> None:
         np.testing.assert_allclose(result.tracking_error[:, j], expected, atol=1e-8)
 
 
-FREE = SimulationOptions(relative_tolerance=1e-10, absolute_tolerance=1e-12, saturate=False)
-
-
-def test_error_of_one_joint_has_the_placed_poles() -> None:
-    mass, b, Kp, Kd = 2.0, 0.7, 50.0, 6.0
-    chain = slider(mass, b)
-    controller = IndependentJoint(chain, np.array(Kp), np.array(Kd), np.array([mass]))
-    result = simulate(
-        controller, smooth(chain, np.zeros(1), np.ones(1)), FREE, initial_position=[0.2]
-    )
-    A = np.array([[0.0, 1.0], [-Kp / mass, -(b + Kd) / mass]])
-    expected = linear_response(A, np.array([-0.2, 0.0]), result.times)[:, 0]
-    np.testing.assert_allclose(result.tracking_error[:, 0], expected, atol=1e-9)
-    assert (np.diff(result.lyapunov) <= 0.0).all()
-
-
-def test_steady_state_error_is_the_load_over_the_stiffness() -> None:
-    arm = replace(planar_rr(), viscous_friction=np.array([1.0, 1.0]))
-    Kp = np.array([2000.0, 1000.0])
-    goal = np.array([0.3, 0.4])
-    result = simulate(
-        IndependentJoint(arm, Kp, np.array([60.0, 20.0])),
-        smooth(arm, goal - 0.1, goal),
-        replace(FREE, duration=3.0, sample_period=0.1),
-    )
-    q1, q12 = result.position[-1, 0], result.position[-1].sum()
-    g2 = 1.5 * 0.2 * 9.81 * np.cos(q12)
-    G = np.array([(2.0 * 0.3 + 1.5 * 0.7) * 9.81 * np.cos(q1) + g2, g2])
-    np.testing.assert_allclose(result.tracking_error[-1], G / Kp, rtol=1e-6)
-    assert not result.settled
-
-
 @pytest.mark.parametrize("inertia", [[1.0], [1.0, -1.0], [1.0, np.nan]])
 def test_wrong_inertias_are_refused(inertia: list[float]) -> None:
     with pytest.raises(InvalidOption, match="2 numbers"):
         IndependentJoint(planar_rr(), np.array(1.0), np.array(1.0), np.array(inertia))
-
-
-OPTIONS = SimulationOptions(duration=2.0, sample_period=2e-3, saturate=False)
-
-
-def test_arrives_at_a_constant_reference() -> None:
-    chain, goal = random_chain(3, 4), np.array([0.3, -0.2, 0.5, 0.1])
-    options = SimulationOptions(duration=20.0, sample_period=0.1, saturate=False)
-    result = simulate(
-        PdGravity(chain, np.array(100.0), np.array(40.0)),
-        constant(chain, goal),
-        options,
-        initial_position=goal + 0.5,
-    )
-    assert result.settled
-    assert np.abs(result.tracking_error[-1]).max() < 1e-3
 
 
 ARM = random_chain(11, 3, motors=True)
@@ -406,25 +358,6 @@ def test_learns_from_nothing() -> None:
     assert (np.diff(result.lyapunov) <= 1e-9 * result.lyapunov[0]).all()
 
 
-def test_without_learning_it_is_passivity_based_control() -> None:
-    chain = random_chain(4, 4, motors=True)
-    adaptive = Adaptive(chain, np.array(3.0), np.array(2.0), np.array(1e-12))
-    passive = Passivity(chain, np.array(3.0), np.array(2.0))
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        q, qd, a, b, c = rng.uniform(-2, 2, (5, 4))
-        reference = Reference(a, b, c)
-        np.testing.assert_allclose(
-            adaptive.torque(0.0, q, qd, reference),
-            passive.torque(0.0, q, qd, reference),
-            rtol=1e-9,
-            atol=1e-9,
-        )
-        assert adaptive.lyapunov(q, qd, reference) == pytest.approx(
-            passive.lyapunov(q, qd, reference)
-        )
-
-
 def test_motors_are_learned_where_there_are_any() -> None:
     chain = builtin_chain("planar_rr")
     assert Adaptive(chain, np.array(1.0), np.array(1.0), np.array(1.0)).parameters.count == 6
@@ -469,14 +402,6 @@ def test_only_what_is_chosen_is_learned_and_its_v_falls() -> None:
     np.testing.assert_allclose(result.lyapunov_rate, expected, atol=1e-7)
     assert (np.diff(result.lyapunov) < 1e-9).all()
     assert np.abs(e[-50:]).max() < 0.3 * np.abs(e).max()
-
-
-def test_with_all_parameters_at_the_model_s_it_learns_them_all() -> None:
-    rng, whole = np.random.default_rng(0), Adaptive(ADAPTIVE_ARM, np.array(5.0), np.array(8.0), ONE)
-    q, qd = rng.uniform(-1.0, 1.0, (2, 2))
-    at = Reference(*rng.uniform(-1.0, 1.0, (3, 2)))
-    expected = whole.torque(0.0, q, qd, at)
-    np.testing.assert_allclose(chosen("mx2").torque(0.0, q, qd, at), expected, rtol=1e-9)
 
 
 def test_unknown_and_missing_names_are_refused() -> None:
