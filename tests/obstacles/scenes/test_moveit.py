@@ -2,22 +2,16 @@
 
 import contextlib
 import copy
-import json
 from datetime import date
 from typing import Any
 
-import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from kinematics.errors import InvalidScene
-from kinematics.pose import from_quaternion, to_quaternion, transform
-from kinematics.robots import builtin_chain
 from obstacles.scenes import moveit
 from obstacles.scenes.moveit import scene_from_moveit
 from obstacles.scenes.moveit_geometry import is_geometry_text
-from obstacles.scenes.placement import place
-from obstacles.shapes.shape import Box, Compound, Cone, Cylinder, HalfSpace, Mesh, Sphere
+from obstacles.shapes.shape import HalfSpace, Mesh
 
 SCENE = """
 name: ""
@@ -114,41 +108,15 @@ def test_what_is_kept_of_objects_is_bounded(monkeypatch: pytest.MonkeyPatch) -> 
         assert len(moveit._KNOWN) <= moveit._KNOWN_OBJECTS
 
 
-def test_reads_every_solid() -> None:
+def test_reads_planes_and_meshes() -> None:
     scene = scene_from_moveit(SCENE)
     assert scene.ids == ("crate", "can", "7", "floor", "wedge")
-    crate, can, cone, floor, wedge = (obstacle.shape for obstacle in scene.obstacles)
-    assert isinstance(crate, Compound)
-    box, ball = crate.solids
-    assert isinstance(box, Box)
-    np.testing.assert_allclose(box.size, [0.1, 0.2, 0.3])
-    assert isinstance(ball, Sphere)
-    assert ball.radius == 0.25
-    assert isinstance(can, Compound), "it stands elsewhere than its object"
-    (can_solid,) = can.solids
-    assert isinstance(can_solid, Cylinder)
-    assert (can_solid.height, can_solid.radius) == (0.14, 0.03)
-    assert isinstance(cone, Cone)
-    assert (cone.height, cone.radius) == (0.4, 0.1)
+    assert scene.allowed_collisions == {("arm", "hand"), ("can", "hand")}
+    floor, wedge = (obstacle.shape for obstacle in scene.obstacles[-2:])
     assert isinstance(floor, HalfSpace)
     assert (floor.normal[2], floor.offset) == (1.0, -0.5)
     assert isinstance(wedge, Mesh)
     assert len(wedge.faces) == 4
-
-
-def test_places_them() -> None:
-    scene = scene_from_moveit(SCENE.encode())
-    crate = scene.obstacle("crate")
-    assert isinstance(crate.shape, Compound)
-    np.testing.assert_array_equal(crate.T_world_obstacle, np.eye(4))
-    first, tilted = crate.shape.poses
-    np.testing.assert_allclose(first, transform(None, [1, 2, 3]))
-    np.testing.assert_allclose(
-        to_quaternion(tilted[:3, :3]), np.array([0.6, 0, 0, 0.8001]) / np.hypot(0.6, 0.8001)
-    )
-    assert scene.obstacle("can").frame == "desk"
-    np.testing.assert_allclose(scene.obstacle("7").T_world_obstacle, transform(None, [1, 0, 0]))
-    np.testing.assert_allclose(from_quaternion([0, 0, 0, 1]), np.eye(3))
 
 
 def test_what_is_odd_is_told_once_for_all_objects() -> None:
@@ -175,45 +143,6 @@ def test_what_is_odd_is_told_once_for_all_objects() -> None:
     assert "hand and arm" in line
 
 
-def test_allows_the_true_pairs() -> None:
-    assert scene_from_moveit(SCENE).allowed_collisions == {("arm", "hand"), ("can", "hand")}
-
-
-def test_a_name_with_a_default_may_touch_everything_that_the_robot_has() -> None:
-    text = SCENE.replace(
-        "robot_state:",
-        "  default_entry_names: [wedge]\n  default_entry_values: [true]\nrobot_state:",
-    ).replace("{frame_id: desk}", "{frame_id: world}")
-    scene = scene_from_moveit(text)
-    assert dict(scene.free) == {"wedge": frozenset()}
-    chain = builtin_chain("planar_rr")
-    allowed = place(scene, chain).allowed_collisions
-    names = {*chain.index, "crate", "can", "7", "floor"}
-    assert {pair for pair in allowed if "wedge" in pair} == {
-        (min(name, "wedge"), max(name, "wedge")) for name in names
-    }
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "allowed"),
-    [(True, True, True), (True, False, False), (False, True, False), (False, False, False)],
-)
-def test_a_default_of_false_decides_over_one_of_true(
-    first: bool, second: bool, allowed: bool
-) -> None:
-    # moveit_core/collision_detection: getDefaultEntry of two names is NEVER where either is NEVER.
-    balls = ", ".join(
-        f"{{id: {name}, primitives: [{{type: sphere, dimensions: [0.1]}}]}}" for name in "ab"
-    )
-    values = json.dumps([first, second])
-    text = (
-        f"world: {{collision_objects: [{balls}]}}\nallowed_collision_matrix: {{entry_names: [], "
-        f"entry_values: [], default_entry_names: [a, b], default_entry_values: {values}}}"
-    )
-    placed = place(scene_from_moveit(text), builtin_chain("planar_rr"))
-    assert placed.allows("a", "b") is allowed
-
-
 @pytest.mark.parametrize(
     ("fields", "place"),
     [
@@ -230,13 +159,6 @@ def test_refuses_padded_links(fields: str, place: str) -> None:
     assert place in str(raised.value)
     assert raised.value.hint is not None
     assert "margin" in raised.value.hint
-
-
-def test_takes_links_that_are_neither_padded_nor_scaled() -> None:
-    text = (
-        "link_padding: [{link_name: arm, padding: 0.0}]\nlink_scale: [{link_name: arm, scale: 1.0}]"
-    )
-    assert scene_from_moveit(text).obstacles == ()
 
 
 def test_an_empty_world_is_an_empty_scene() -> None:
@@ -390,7 +312,7 @@ lid
 0 0 0
 1 0 0 0
 * wedge
-0 0 0
+0 0 1
 0 0 0 1
 1
 mesh
@@ -411,47 +333,22 @@ mesh
 """
 
 
-def test_shapes_of_older_files_are_where_their_own_poses_are() -> None:
-    table, lamp = scene_from_moveit(OLD).obstacles
-    assert [item.id for item in (table, lamp)] == ["table top", "post"]
-    assert isinstance(table.shape, Box)
-    assert isinstance(lamp.shape, Compound)
-    post, cap = lamp.shape.solids
-    assert isinstance(post, Cylinder)
-    assert isinstance(cap, Cone)
-    np.testing.assert_array_equal(table.shape.size, [0.6, 1.2, 0.04])
-    assert (post.radius, post.height) == (0.05, 0.8)
-    assert (cap.radius, cap.height) == (0.1, 0.3)
-    turned = Rotation.from_euler("z", np.pi / 4).as_matrix()
-    np.testing.assert_allclose(table.T_world_obstacle[:3, :3], turned, atol=1e-6)
-    np.testing.assert_array_equal(lamp.T_world_obstacle, np.eye(4))
-    np.testing.assert_array_equal(lamp.shape.poses[1][:3, 3], [0.4, 0.3, 0.95])
-    assert {item.frame for item in (table, lamp)} == {None}
-
-
-def test_shapes_of_newer_files_are_placed_by_their_objects() -> None:
-    ball, wedge = scene_from_moveit(NEW.encode()).obstacles
-    assert [item.id for item in (ball, wedge)] == ["Ball_0", "wedge"]
-    assert isinstance(ball.shape, Compound)
-    sphere, ground = ball.shape.solids
-    assert isinstance(sphere, Sphere)
-    assert isinstance(ground, HalfSpace)
-    assert sphere.radius == 0.125
-    # 0.1 m along x of an object that is turned by a quarter about z.
-    center = (ball.T_world_obstacle @ ball.shape.poses[0])[:3, 3]
-    np.testing.assert_allclose(center, [0.5, -0.15, 1.0], atol=1e-7)
-    # 2 z - 0.5 <= 0, seen from the object: up to z = 0.25 above it.
-    assert (ground.normal[2], ground.offset) == (1.0, 0.25)
-    assert isinstance(wedge.shape, Compound), "its solid stands above the origin of the object"
-    ((solid,), (T,)) = wedge.shape.solids, wedge.shape.poses
-    assert isinstance(solid, Mesh)
-    np.testing.assert_array_equal(solid.vertices[3], [0.0, 0.0, 0.1])
-    np.testing.assert_array_equal(solid.faces[0], [0, 2, 1])
-    np.testing.assert_array_equal((wedge.T_world_obstacle @ T)[:3, 3], [0.0, 0.0, 2.0])
-
-
-def test_a_file_says_the_same_as_the_yaml_of_its_scene() -> None:
-    yaml = """
+#: What the files above say.
+SAME = {
+    OLD: """
+world:
+  collision_objects:
+    - id: table top
+      primitives: [{type: box, dimensions: [0.6, 1.2, 0.04]}]
+      primitive_poses:
+        - {position: [0.7, 0, 0.38], orientation: [0, 0, 0.3826834, 0.9238795]}
+    - id: post
+      primitives: [{type: cylinder, dimensions: [0.8, 0.05]}, {type: cone, dimensions: [0.3, 0.1]}]
+      primitive_poses:
+        - {position: [0.4, 0.3, 0.4], orientation: [0, 0, 0, 1]}
+        - {position: [0.4, 0.3, 0.95], orientation: [0, 1, 0, 0]}
+""",
+    NEW: """
 world:
   collision_objects:
     - id: Ball_0
@@ -460,9 +357,19 @@ world:
       primitive_poses: [{position: [0.1, 0, 0], orientation: [0, 0, 0, 1]}]
       planes: [{coef: [0, 0, 2, -0.5]}]
       plane_poses: [{position: [0, 0, 0], orientation: [0, 0, 0, 1]}]
-"""
-    shorter = NEW[: NEW.index("* wedge")] + ".\n"
-    assert scene_from_moveit(shorter).content_hash == scene_from_moveit(yaml).content_hash
+    - id: wedge
+      pose: {position: [0, 0, 1], orientation: [0, 0, 0, 1]}
+      meshes:
+        - vertices: [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
+          triangles: [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+      mesh_poses: [{position: [0, 0, 2], orientation: [0, 0, 0, 1]}]
+""",
+}
+
+
+@pytest.mark.parametrize("text", [OLD, NEW], ids=["old", "new"])
+def test_a_file_says_the_same_as_the_yaml_of_its_scene(text: str) -> None:
+    assert scene_from_moveit(text).content_hash == scene_from_moveit(SAME[text]).content_hash
 
 
 def test_line_ends_and_files_without_objects() -> None:
