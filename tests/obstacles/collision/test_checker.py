@@ -126,15 +126,6 @@ def test_many_states_are_answered_as_one_by_one(name: str) -> None:
     assert ours.all_valid(many[:0])
 
 
-def test_clearance_of_a_ball_before_a_wall_is_the_gap() -> None:
-    for x in (-1.0, 0.0, 0.5, 0.899):
-        gap, pair = checker().clearance(along(x))
-        assert gap == pytest.approx(0.9 - x)
-        assert pair == ("tool", "wall")
-    assert checker().clearance(along(0.9001))[0] <= 0.0
-    assert checker().clearance(along(1.1))[0] <= 0.0
-
-
 @pytest.mark.parametrize("slack", [0.0, 0.25])
 @pytest.mark.parametrize("margin", [0.0, 0.05])
 def test_margin_and_slack_come_off_every_answer(margin: float, slack: float) -> None:
@@ -149,14 +140,6 @@ def test_margin_and_slack_come_off_every_answer(margin: float, slack: float) -> 
         assert ours.free(along(0.0), along(x)) is free
         assert ours.polyline(np.array([along(0.0), along(x)]))[0].free is free
         assert ours.bracket(along(x)).free <= free
-
-
-def test_the_gradient_points_away_and_has_the_size_of_the_slide() -> None:
-    near = checker().gradient(along(0.5), 1.0)
-    np.testing.assert_allclose(near.gradients, [[-1.0, 0.0, 0.0]], atol=1e-9)
-    deep = checker().gradient(along(0.95), 1.0)
-    assert deep.distances == pytest.approx([-0.05])
-    np.testing.assert_allclose(deep.gradients, [[-1.0, 0.0, 0.0]], atol=1e-9)
 
 
 def test_pairs_within_reach_are_answered_and_those_at_its_end() -> None:

@@ -82,12 +82,6 @@ def test_the_box_holds_the_piece_and_touches_it_on_all_sides() -> None:
             assert (np.abs(inside - box[:3]) <= box[3:] + 1e-12).all()
 
 
-def test_a_capsule_has_the_radius_of_its_ends_on_all_sides() -> None:
-    (capsule,) = Capsule(0.1, 0.6).pieces()
-    assert capsule.local_box() == pytest.approx([0.0, 0.0, 0.0, 0.1, 0.1, 0.4])
-    assert capsule.bounding_sphere()[1] == pytest.approx(0.4)
-
-
 def test_a_halfspace_is_in_no_ball_and_ends_at_its_face() -> None:
     center, radius = FLOOR.bounding_sphere()
     assert radius == np.inf

@@ -34,7 +34,6 @@ from obstacles.distance.triangles.distance import touching
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import (
     Box,
-    Capsule,
     Convex,
     Cylinder,
     HalfSpace,
@@ -164,32 +163,6 @@ def polytope_depth(a: Array, b: Array) -> float:
     return float(ConvexHull(differences).equations[:, 3].max())
 
 
-@pytest.mark.parametrize("distance", [0.05, 0.2, 0.29, 0.31, 1.0])
-def test_balls(distance: float) -> None:
-    random = np.random.default_rng(1)
-    for _ in range(10):
-        towards = random.normal(size=3)
-        towards /= np.linalg.norm(towards)
-        place = random.normal(size=3)
-        value, n, point = contact(
-            at(Sphere(0.1), place + distance * towards), at(Sphere(0.2), place)
-        )
-        assert value == pytest.approx(distance - 0.3, abs=1e-9)
-        np.testing.assert_allclose(n, towards, atol=1e-7)
-        np.testing.assert_allclose(point, place + 0.2 * towards, atol=1e-7)
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_boxes_part_along_their_shallowest_side(axis: int, sign: float) -> None:
-    shift = np.array([0.05, -0.03, 0.02])
-    shift[axis] = sign * 0.9
-    value, n, point = contact(at(Box(np.ones(3)), shift), at(Box(np.ones(3)), np.zeros(3)))
-    assert value == pytest.approx(-0.1)
-    np.testing.assert_allclose(n, sign * np.eye(3)[axis], atol=1e-9)
-    assert point[axis] == pytest.approx(0.5 * sign)
-
-
 def test_polytopes_are_as_deep_as_their_minkowski_difference() -> None:
     random = np.random.default_rng(2)
     for _ in range(20):
@@ -224,15 +197,6 @@ def test_concentric_solids_part_by_the_shortest_way() -> None:
     assert contact(at(ball, np.zeros(3)), at(ball, np.zeros(3)))[0] == pytest.approx(-0.1)
 
 
-def test_crossing_capsules_part_across_both() -> None:
-    turn = np.eye(4)
-    turn[:3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
-    along_z, along_x = at(Capsule(0.1, 1.0), np.zeros(3)), at(Capsule(0.1, 1.0), [0, 0.05, 0], turn)
-    value, n, _ = contact(along_x, along_z)
-    assert value == pytest.approx(-0.15)
-    np.testing.assert_allclose(n, [0.0, 1.0, 0.0], atol=1e-7)
-
-
 @pytest.mark.parametrize("height", [-0.05, 0.0, 0.05])
 def test_a_halfspace_is_left_upwards(height: float) -> None:
     floor = at(HalfSpace(np.array([0.0, 0.0, 1.0]), 0.0), np.zeros(3))
@@ -257,16 +221,6 @@ def test_flat_pieces_have_a_depth_where_their_difference_has_one() -> None:
     assert contact(at(needle, [0, 0, 0.9]), square)[0] == pytest.approx(-0.1)
     assert contact(at(needle, [0, 0, 1.5]), square)[0] == pytest.approx(0.5)
     assert contact(square, square)[0] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_the_deepest_point_lies_on_the_surface_around_the_core() -> None:
-    """A box holds the axis of a capsule: its way out is the axis' depth and the radius."""
-    capsule = at(Capsule(0.1, 0.4), np.zeros(3))
-    value, n, point = contact(at(Box(np.ones(3)), [0.45, 0.0, 0.0]), capsule)
-    assert value == pytest.approx(-0.15)
-    np.testing.assert_allclose(n, [1.0, 0.0, 0.0], atol=1e-9)
-    assert point[0] == pytest.approx(0.1)
-    assert abs(point[2]) <= 0.2 + 1e-9
 
 
 def distance(a: Piece, b: Piece) -> float:

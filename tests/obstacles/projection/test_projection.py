@@ -6,7 +6,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import trimesh
-from scipy.optimize import nnls
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
@@ -124,20 +123,6 @@ def test_inside_the_boundary_is_that_far_in_every_direction(kind: str) -> None:
     assert inside > 50
 
 
-def test_hulls_agree_with_least_squares() -> None:
-    random = np.random.default_rng(6)
-    for _ in range(30):
-        vertices, p = random.normal(size=(25, 3)), 2.0 * random.normal(size=3)
-        matrix = np.vstack([vertices.T, 1e3 * np.ones(25)])
-        weights, _ = nnls(matrix, np.append(p, 1e3))
-        expected = float(np.linalg.norm(vertices.T @ (weights / weights.sum()) - p))
-        _, distance = project(p[None], [Obstacle("a", Convex(vertices))])
-        if distance[0, 0] > 0.0:
-            assert distance[0, 0] == pytest.approx(expected, abs=1e-5)
-        else:
-            assert expected < 1e-5
-
-
 @pytest.mark.parametrize("kind", CONVEX)
 def test_points_on_axes_edges_and_centres_have_an_answer(kind: str) -> None:
     random = np.random.default_rng(7)
@@ -225,51 +210,6 @@ _DISTANCE = 1e-8
 _POINT = 2e-4
 
 
-def onto_box(shape: Shape, p: Array) -> Array:
-    assert isinstance(shape, Box)
-    return np.clip(p, -shape.size / 2.0, shape.size / 2.0)
-
-
-def onto_sphere(shape: Shape, p: Array) -> Array:
-    assert isinstance(shape, Sphere)
-    return np.asarray(shape.radius * p / np.linalg.norm(p))
-
-
-def onto_capsule(shape: Shape, p: Array) -> Array:
-    assert isinstance(shape, Capsule)
-    core = np.array([0.0, 0.0, np.clip(p[2], -shape.height / 2.0, shape.height / 2.0)])
-    return np.asarray(core + shape.radius * (p - core) / np.linalg.norm(p - core))
-
-
-@pytest.mark.parametrize(
-    ("shape", "closed_form"),
-    [
-        (Box((0.2, 0.7, 1.1)), onto_box),
-        (Sphere(0.3), onto_sphere),
-        (Capsule(0.15, 0.8), onto_capsule),
-    ],
-    ids=["box", "sphere", "capsule"],
-)
-def test_outside_it_is_the_closed_form(
-    shape: Shape, closed_form: Callable[[Shape, Array], Array]
-) -> None:
-    random = np.random.default_rng(1)
-    outside = 0
-    for _ in range(40):
-        obstacle = Obstacle("it", shape, random_transform(random, 1.0))
-        p = random.uniform(-1.5, 1.5, 3)
-        T = obstacle.T_world_obstacle
-        R, at = T[:3, :3], T[:3, 3]
-        expected = R @ closed_form(shape, R.T @ (p - at)) + at
-        projections, distances = FclProjector([obstacle])(p[None])
-        if distances[0, 0] <= 0.0:
-            continue
-        outside += 1
-        assert distances[0, 0] == pytest.approx(np.linalg.norm(p - expected), abs=1e-9)
-        np.testing.assert_allclose(projections[0, 0], expected, atol=1e-8)
-    assert outside > 25
-
-
 @pytest.mark.parametrize("kind", list(CONVEX))
 def test_both_engines_agree(kind: str) -> None:
     random = np.random.default_rng(2)
@@ -284,7 +224,8 @@ def test_both_engines_agree(kind: str) -> None:
         found, distances = fcl(points)
         np.testing.assert_allclose(distances, d, atol=_DISTANCE)
         clear = d[:, 0] > 1e-6
-        np.testing.assert_allclose(found[clear], pi[clear], atol=_POINT)
+        atol = 1e-8 if kind in {"box", "sphere", "capsule"} else _POINT
+        np.testing.assert_allclose(found[clear], pi[clear], atol=atol)
         # Deep inside there may be several ways out that are as short.
         inside += int((d < -1e-6).sum())
     assert inside > 0 or kind in {"plate", "needle"}
