@@ -60,14 +60,6 @@ def holder(mesh: trimesh.Trimesh) -> RobotGeometry:
     return gantry('<mesh filename="cup.off"/>', {"cup.off": off_file(mesh)})
 
 
-def test_a_link_in_the_wall_of_a_mesh_is_found_and_one_in_its_hollow_is_not() -> None:
-    robot, scene = gantry(BALL), around(tall())
-    deep = np.array([0.0, 0.0, -0.3])
-    assert first_inside(robot, scene, deep) == ("tool", "cup")
-    for place in (IN_THE_HOLLOW, OUTSIDE, [0.19, 0.0, 0.25], [1.0, 1.0, 1.0]):
-        assert first_inside(robot, scene, np.array(place)) is None
-
-
 def test_points_inside_are_those_between_outside_and_hollow() -> None:
     robot, random = gantry(BALL), np.random.default_rng(1)
     local = random.uniform([-0.25, -0.25, -0.45], [0.25, 0.25, 0.25], (200, 3))
@@ -87,14 +79,6 @@ def test_a_pair_that_may_touch_may_be_inside() -> None:
     # A second mesh around it that nothing is said about is found.
     both = (solid, Obstacle("twin", solid.shape))
     assert first_inside(robot, Scene(both, {("cup", "tool")}), q) == ("tool", "twin")
-
-
-def test_an_open_surface_has_nothing_inside() -> None:
-    opened = tall()
-    opened.update_faces(np.arange(len(opened.faces)) != 0)
-    robot, scene, random = gantry(BALL), around(opened), np.random.default_rng(5)
-    for q in random.uniform([-0.2, -0.2, -0.4], [0.2, 0.2, 0.2], (200, 3)):
-        assert first_inside(robot, scene, q) is None
 
 
 def test_convex_obstacles_are_not_asked_about() -> None:
@@ -166,17 +150,6 @@ def test_what_stands_with_the_base_is_not_compared_with_obstacles() -> None:
     assert first_inside(robot, around(tall()), np.array(OUTSIDE)) is None
 
 
-def test_each_body_of_a_mesh_counts() -> None:
-    """Two balls as one mesh: the tool is in the wall when only the second one is."""
-    bead = trimesh.creation.icosphere(subdivisions=1, radius=0.02)
-    for shifts in ([0.0, 1.0], [1.0, 0.0]):
-        bodies = [bead.copy().apply_translation([shift, 0.0, 0.0]) for shift in shifts]
-        robot = holder(trimesh.util.concatenate(bodies))
-        for q in ([0.0, 0.0, -0.3], [-1.0, 0.0, -0.3]):
-            assert first_inside(robot, around(tall()), np.array(q)) == ("tool", "cup")
-        assert first_inside(robot, around(tall()), np.array([-0.5, 0.0, -0.3])) is None
-
-
 def test_each_body_that_one_cover_holds_counts() -> None:
     """Two sheets far apart in one cover: a point of each is looked up."""
     sheet = 0.01 * np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
@@ -188,20 +161,6 @@ def test_each_body_that_one_cover_holds_counts() -> None:
         for q in ([0.0, 0.0, -0.3], [-1.0, 0.0, -0.3]):
             assert first_inside(robot, around(tall()), np.array(q)) == ("tool", "cup")
         assert first_inside(robot, around(tall()), np.array([-0.5, 0.0, -0.3])) is None
-
-
-def test_the_checker_refuses_what_is_inside_as_well() -> None:
-    """Two ways to one verdict: by rays of the kernel, and by winding numbers."""
-    robot, scene, random = gantry(BALL), around(tall()), np.random.default_rng(3)
-    checker = Checker.of(robot, scene)
-    inside = 0
-    for q in random.uniform([-0.25, -0.25, -0.45], [0.25, 0.25, 0.25], (120, 3)):
-        if first_inside(robot, scene, q) is not None:
-            assert not checker.valid(q)
-            inside += 1
-        elif checker.valid(q):
-            assert checker.clearance(q)[0] > 0.0
-    assert inside > 20
 
 
 def verified(robot: RobotGeometry, scene: Scene, q: Array) -> bool:

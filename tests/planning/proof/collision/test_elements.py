@@ -197,17 +197,6 @@ def test_wrong_boxes_become_boxes_that_contain_everything(seed: int, m: int) -> 
     assert np.allclose(right[:, BOX : BOX + 6], grown.nodes[:, BOX : BOX + 6])
 
 
-def test_a_tree_that_lacks_a_solid_is_refused_of_box_tree() -> None:
-    low, high = boxes(0, 20)
-    grown = tree(low, high)
-    items = grown.items.copy()
-    items[3] = items[4]
-    with pytest.raises(BrokenTree, match="every solid once"):
-        leaf_boxes(grown.nodes, items, low, high)
-    with pytest.raises(BrokenTree, match="follow each other"):
-        leaf_boxes(grown.nodes, grown.items, *boxes(1, 21))
-
-
 def test_a_node_below_none_is_refused() -> None:
     low, high = boxes(0, 40)
     grown = tree(low, high)
@@ -263,21 +252,6 @@ def test_every_pair_of_pieces_hangs_below_one_root(allowed: frozenset[tuple[str,
         k for k, link in enumerate(ARM.links) if link != "base" and not scene.allows(link, "box")
     ]
     assert sorted(against) == met
-
-
-def test_boxes_and_balls_hold_the_pieces_below_them() -> None:
-    arrays = PairTable.of(ARM, Scene(), 0.0).arrays
-    holders = [k for k in range(arrays.moving) if arrays.kinds[k] == HOLDER]
-    assert len(holders) > 20
-    for k in holders:
-        for kid in arrays.kids[arrays.below[k] : arrays.below[k + 1]]:
-            assert arrays.joints[kid] == arrays.joints[k]
-            corners = arrays.columns[:, arrays.starts[kid] : arrays.starts[kid + 1]].T
-            points = corners @ arrays.poses[kid, :3, :3].T + arrays.poses[kid, :3, 3]
-            if len(points):
-                assert (np.abs(points - arrays.boxes[k, :3]) <= arrays.boxes[k, 3:] + 1e-12).all()
-                away = np.linalg.norm(points - arrays.centers[k], axis=1)
-                assert away.max() <= arrays.radii[k] + 1e-12
 
 
 @pytest.mark.parametrize("length", [0.2, 1.0, 4.0])

@@ -31,7 +31,7 @@ from planning.proof.collision.proposals import (
 from planning.proof.collision.separating_direction import direction, gap, highest, rounding_bound
 from planning.proof.collision.sweep_state import Sweep, pop_interval
 from planning.proof.limits.limit_uses import Violation
-from tests.obstacles.arms import cup, mesh_shape
+from tests.obstacles.arms import cup, cut_arm, mesh_shape
 from tests.obstacles.collision.model.test_collision_model import mixed
 from tests.obstacles.outline import convex_shapes
 from tests.obstacles.shapes.test_shape import random_scene
@@ -354,18 +354,21 @@ def test_every_piece_and_triangle_hangs_below_the_roots() -> None:
 
 
 def test_balls_and_boxes_hold_what_is_below_them() -> None:
-    arrays = PairTable.of(PANDA, scene_of_each(), 0.0).arrays
-    for i in range(arrays.moving, len(arrays.kinds)):
-        for k in arrays.kids[arrays.below[i] : arrays.below[i + 1]]:
-            if np.isfinite(arrays.radii[i]):
-                for v in arrays.columns[:, arrays.starts[k] : arrays.starts[k + 1]].T:
-                    p = arrays.poses[k, :3, :3] @ v + arrays.poses[k, :3, 3]
-                    distance = float(np.linalg.norm(p - arrays.centers[i]))
-                    assert distance <= arrays.radii[i] + 1e-12
-                    local = arrays.poses[i, :3, :3].T @ (p - arrays.poses[i, :3, 3])
-                    out = np.abs(local - arrays.boxes[i, :3]) - arrays.boxes[i, 3:]
-                    assert out.max() <= 1e-12
-            assert arrays.margins[i] >= arrays.margins[k]
+    for robot, scene in ((PANDA, scene_of_each()), (cut_arm(), Scene())):
+        arrays = PairTable.of(robot, scene, 0.0).arrays
+        for i in range(len(arrays.kinds)):
+            for k in arrays.kids[arrays.below[i] : arrays.below[i + 1]]:
+                assert arrays.joints[i] == arrays.joints[k]
+                if np.isfinite(arrays.radii[i]):
+                    for v in arrays.columns[:, arrays.starts[k] : arrays.starts[k + 1]].T:
+                        p = arrays.poses[k, :3, :3] @ v + arrays.poses[k, :3, 3]
+                        distance = float(np.linalg.norm(p - arrays.centers[i]))
+                        assert distance <= arrays.radii[i] + 1e-12
+                        local = arrays.poses[i, :3, :3].T @ (p - arrays.poses[i, :3, 3])
+                        out = np.abs(local - arrays.boxes[i, :3]) - arrays.boxes[i, 3:]
+                        assert out.max() <= 1e-12
+                assert arrays.margins[i] >= arrays.margins[k]
+    assert (arrays.kinds[: arrays.moving] == HOLDER).sum() > 20
 
 
 def test_pairs_that_the_planner_drops_are_compared_all_the_same(

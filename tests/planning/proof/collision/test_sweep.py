@@ -151,11 +151,6 @@ def test_a_graze_is_halved_until_that_is_of_no_use() -> None:
     assert moved < 1e-6
 
 
-@pytest.mark.parametrize(("margin", "state"), [(0.0, DONE), (0.099, DONE), (0.101, ASKING)])
-def test_margins_are_kept_from_obstacles(margin: float, state: int) -> None:
-    assert start(ALONG, margin=margin).go() == state
-
-
 def test_without_room_it_says_so_and_goes_on_with_more() -> None:
     points = np.random.default_rng(1).uniform([0.4, -0.9, -0.5], [0.9, 0.9, 0.5], (200, 3))
     cloud = Scene(
