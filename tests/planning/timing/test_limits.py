@@ -4,14 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.polynomial import polynomial as power_basis
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from benchmarks.judges.ratios import worst_ratio
 from benchmarks.timing import run
 from dynamics.inverse import inverse_dynamics
-from dynamics.model.payload import with_motors, with_payload
+from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
@@ -35,23 +34,6 @@ def test_no_limit_is_exceeded_on_random_paths() -> None:
     assert found.faults == []
     assert found.motions > 150
     assert all(value <= 1.0 + 1e-9 for value in found.worst.values())
-
-
-def test_the_judge_finds_the_peaks_that_numpys_roots_have() -> None:
-    rng = np.random.default_rng(0)
-    for degree in (1, 3, 5, 9):
-        breaks = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 1.0, 6))])
-        motion = Trajectory(("a", "b"), breaks, rng.uniform(-1.0, 1.0, (6, 2, degree + 1)))
-        for order in (1, 2, 3):
-            worst = 0.0
-            for h, piece in zip(np.diff(breaks), motion.coefficients, strict=True):
-                for row in piece:
-                    c = power_basis.polyder(row, order)
-                    inner = power_basis.polyder(c)
-                    roots = power_basis.polyroots(inner) if len(inner) > 1 else np.zeros(0)
-                    places = np.clip([0.0, h, *np.real(roots)], 0.0, h)
-                    worst = max(worst, float(np.abs(power_basis.polyval(places, c)).max()))
-            assert worst_ratio(motion, np.ones(2), order) == pytest.approx(worst, rel=1e-9)
 
 
 def sampled_uses(
@@ -108,24 +90,6 @@ def test_a_finer_grid_gains_little_under_loads() -> None:
     usual = time_path(path, chain.joint_names, *limits, loads=loads).trajectory.duration
     fine = time_path(path, chain.joint_names, *limits, loads=loads, resolution=5000)
     assert usual <= 1.02 * fine.trajectory.duration
-
-
-def test_friction_is_paid_for() -> None:
-    chain = builtin_chain("planar_rr")
-    rough = with_motors(chain, viscous_friction=2.0)
-    waypoints = np.array([[0.0, 0.0], [1.0, -0.5], [1.5, 0.7]])
-    path = blend(waypoints, largest_reaches(waypoints))
-    q = path.sample(np.linspace(0.0, path.breaks[-1], 300))
-    effort = 1.5 * np.abs(inverse_dynamics(chain, q, 0.0 * q, 0.0 * q)).max(axis=0) + 1.0
-    limits = np.full(2, 3.0), np.full(2, 20.0)
-    durations = []
-    for robot in (chain, rough):
-        loads = EffortLimits(robot, effort)
-        motion = time_path(path, robot.joint_names, *limits, loads=loads).trajectory
-        torque, _ = sampled_uses(robot, motion, effort, 1.0)
-        assert torque <= 1.0 + 1e-9
-        durations.append(motion.duration)
-    assert durations[1] > durations[0]
 
 
 def test_a_joint_that_cannot_hold_itself_is_named() -> None:

@@ -126,18 +126,6 @@ def test_the_path_is_followed_exactly_and_smoothly(solver: Solver) -> None:
         assert distance_to_path(path, points).max() < 1e-12
 
 
-def test_a_finer_grid_gains_little() -> None:
-    rng = np.random.default_rng(12)
-    losses = []
-    for _ in range(20):
-        waypoints = rng.uniform(-2.0, 2.0, (6, 7))
-        path = blend(waypoints, largest_reaches(waypoints))
-        limits = PANDA_VELOCITY, PANDA_ACCELERATION
-        fine = time_path(path, names(7), *limits, resolution=8000).trajectory.duration
-        losses.append(timed(path, *limits).duration / fine - 1.0)
-    assert max(losses) < 2e-3
-
-
 @pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
 def test_splines_are_timed_without_changing_their_curve(solver: Solver) -> None:
     rng = np.random.default_rng(13)
