@@ -34,14 +34,6 @@ def test_stages_are_listed_with_choices_and_what_is_held(run: Run, tmp_path: Pat
     assert "crate" in next(line for line in ran.out.splitlines() if "lift" in line)
 
 
-def test_the_answer_of_the_service_is_printed_as_json(run: Run, tmp_path: Path) -> None:
-    wait = _file(tmp_path, stages=[{"kind": "wait", "duration": 0.25}])
-    answer = run("task", "panda", wait, "--start", HOME, "--json")
-    assert answer.code == 0, answer.err
-    assert answer.json["status"] == "success"
-    assert answer.json["duration"] == 0.25
-
-
 def test_what_could_not_be_done_is_told(run: Run, tmp_path: Path) -> None:
     stages = [{"kind": "wait", "duration": 0.1}, {"kind": "lift", "distance": [2.0, 3.0]}]
     partial = run(
@@ -100,15 +92,6 @@ def test_goals_are_listed_in_their_best_order(run: Run, tmp_path: Path) -> None:
     assert len(json.loads(output.read_text())["legs"]) == 4
 
 
-def test_rules_that_contradict_each_other_are_refused(run: Run, tmp_path: Path) -> None:
-    request = tmp_path / "tour.json"
-    rules = [["g0.3", "g0.6"], ["g0.6", "g0.3"]]
-    request.write_text(json.dumps({"goals": goals(0.3, 0.6), "precedence": rules}))
-    answer = run("tour", "kr6_sixx", str(request), "--start", START)
-    assert answer.code == 3
-    assert "g0.3 before g0.6 before g0.3" in answer.err
-
-
 def test_goals_left_out_are_listed(run: Run, tmp_path: Path) -> None:
     request = tmp_path / "tour.json"
     document = {"goals": goals(0.3, 0.6, 9.0), "rounds": 0, "allow_partial": True}
@@ -146,11 +129,3 @@ def test_a_box_is_counted_and_drawn(run: Run, tmp_path: Path) -> None:
     mesh = tmp_path / "reached.glb"
     assert "reached.glb" in run("reach", "ur5e", str(request), "-o", str(mesh)).out
     assert mesh.read_bytes().startswith(b"glTF")
-
-
-def test_a_request_without_poses_is_refused(run: Run, tmp_path: Path) -> None:
-    request = tmp_path / "empty.json"
-    request.write_text("{}")
-    answer = run("reach", "ur5e", str(request))
-    assert answer.code == 3
-    assert "poses" in answer.err
