@@ -18,7 +18,6 @@ BY_NUMBER = {
     "dynamics/parameters/base_parameters.py": "matrices of a chain",
     "planning/search/rrt_connect.py": "a number",
     "planning/timing/choice.py": "limits of a chain's joints",
-    "service/http/state.py": "a path",
     "service/http/layer/request_checks.py": "whether a host is allowed",
     "service/http/request_headers.py": "whether a header names gzip",
     "client/armwright_client/call.py": "a path",

@@ -41,3 +41,9 @@ def test_every_answer_has_the_headers(client: httpx.Client) -> None:
         headers = client.get(path).headers
         for name, value in SECURITY_HEADERS.items():
             assert headers[name] == value, (path, name)
+
+
+def test_options_names_the_methods(client: httpx.Client) -> None:
+    answer = client.options("/v1/scenes/x")
+    assert (answer.status_code, answer.headers["allow"]) == (204, "GET, PUT, DELETE")
+    assert client.options("/nowhere").status_code == 404

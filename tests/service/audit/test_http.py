@@ -1,6 +1,7 @@
 """Second looks over HTTP: counted, and a dispute is a problem, never a plan."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import httpx
@@ -16,11 +17,21 @@ PLAN = {"robot": "panda", "start": {"joints": HOME}, "goal": GOAL, "keep": True}
 FAULT = {"kind": "frame", "link": "panda_link5", "time": 0.5, "by": 1e-3}
 
 
+@contextmanager
+def set_in_state(served: Served, name: str, value: Any) -> Iterator[None]:
+    """Another value in the state of the application for a while; `monkeypatch` would delete it."""
+    before = getattr(served.app.state, name)
+    setattr(served.app.state, name, value)
+    try:
+        yield
+    finally:
+        setattr(served.app.state, name, before)
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _no_look_was_taken(served: Served) -> Iterator[None]:
     """The service looks as if it had just been started."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(served.app.state, "audit_account", audit.AuditAccount())
+    with set_in_state(served, "audit_account", audit.AuditAccount()):
         yield
 
 
@@ -77,8 +88,8 @@ def test_no_look_is_taken_where_it_is_turned_off(
     monkeypatch.setattr(audit, "_look", None)  # calling it would be an error
     monkeypatch.setattr(audit.AuditAccount, "earn", lambda *_: True)
     off = served.app.state.settings.model_copy(update={"audit": "off"})
-    monkeypatch.setattr(served.app.state, "settings", off)
-    answer(served.client.post("/v1/plan", json=PLAN))
+    with set_in_state(served, "settings", off):
+        answer(served.client.post("/v1/plan", json=PLAN))
 
 
 def test_looks_take_a_share_of_the_time() -> None:
