@@ -197,6 +197,7 @@ def test_a_batch_is_cut_spread_and_joined_in_order(postgresql: PostgreSQL, tmp_p
     url = postgresql.database()
 
     async def scenario(server: AgentJobs, one: Machine, other: Machine) -> None:
+        await until(lambda: one.jobs.is_connected and other.jobs.is_connected)
         job = (await server.accept(batch_of_seeds(20))).id
         ((record, answer),) = await ends(server, [job])
         assert record.status == "succeeded"
