@@ -8,7 +8,8 @@ OMPL as it is mostly used from Python: RRT-Connect with its defaults, a state ch
 their own (``mplib_peer.py`` and ``roboplan_peer.py`` beside this module): RRT-Connect and shortcuts
 in C++. Their paths are checked densely by ``benchmarks.judges.recheck``; times are processor times.
 Motions are compared too, of which only ours and sscbirrt's are checked in place of their paths:
-it shortens them in time. Others bound no jerk and prefer no clearance; neither do ours "alike".
+it shortens them in time. Others bound no jerk and prefer no clearance; neither do ours "alike" and
+"refined", which optimises the former.
 """
 
 import argparse
@@ -17,6 +18,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,6 +36,7 @@ from planning.pipeline.pipeline import plan
 from planning.result import Plan
 from planning.sampling.search import joint_space, state_of
 from planning.timing.options import TimingOptions
+from planning.values.optimize_options import RefineOptions
 from planning.values.preferences import PreferredClearance
 
 #: OMPL's own limit for simplifying a path [s].
@@ -155,6 +158,9 @@ def main() -> None:
     answers = {
         "armwright": [ours(case, robot, Options(timeout=timeout)) for case in tasks],
         "armwright, alike": [ours(case, robot, alike) for case in tasks],
+        "armwright, refined": [
+            ours(case, robot, replace(alike, refine=RefineOptions())) for case in tasks
+        ],
         "ompl, python-fcl": [
             peer(case, robot.chain, recheck, truth, timeout)
             for case, truth in zip(tasks, truths, strict=True)
@@ -184,9 +190,8 @@ def main() -> None:
     ]
     print(f"{len(tasks)} problems")
     table(list(answers), rows)
-    own = ("armwright", "armwright, alike")
-    for name in own:
-        for other in answers.keys() - {*own, "ompl, python-fcl"}:
+    for name in [name for name in answers if name.startswith("armwright")]:
+        for other in [other for other in ("mplib", "roboplan", "sscbirrt") if other in answers]:
             compare_motions(f"{other} beside {name}", answers[name], answers[other], judged[other])
 
 
