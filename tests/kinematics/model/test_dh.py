@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import sympy
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotDescription
@@ -23,8 +22,7 @@ from kinematics.model.dh import (
     dh_from_chain,
     frame_origins,
 )
-from kinematics.pose import from_axis_angle, from_rpy, rotation_x, rotation_y, rotation_z, transform
-from kinematics.robots import builtin_names
+from kinematics.pose import from_axis_angle, from_rpy, rotation_x, rotation_z, transform
 from kinematics.rounding import TENSOR_TOLERANCE
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
@@ -89,25 +87,6 @@ def test_frames_are_the_products(convention: Convention) -> None:
         for i in range(1, chain.n + 1):
             np.testing.assert_allclose(forward(chain, q, f"link_{i}"), frames[i], atol=1e-13)
         np.testing.assert_allclose(forward(chain, q), frames[-1], atol=1e-13)
-
-
-def test_standard_stage_is_the_matrix_of_the_notes() -> None:
-    a, alpha, d, theta = sympy.symbols("a alpha d theta", real=True)
-
-    def turn(axis: int, angle: sympy.Symbol) -> sympy.Matrix:
-        rotation = {2: sympy.rot_ccw_axis3, 0: sympy.rot_ccw_axis1}[axis](angle)
-        return sympy.diag(rotation, 1)
-
-    def shift(x: sympy.Symbol, z: sympy.Symbol) -> sympy.Matrix:
-        return sympy.Matrix([[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, z], [0, 0, 0, 1]])
-
-    H = turn(2, theta) * shift(0, d) * shift(a, 0) * turn(0, alpha)
-    values = {a: 0.3, alpha: -1.2, d: 0.7, theta: 0.4}
-    chain = chain_from_dh(
-        "one", DhTable("standard", (DhRow("revolute", 0.3, -1.2, 0.7, lower=-1, upper=1),))
-    )
-    expected = np.array(H.subs(values).evalf(20), dtype=np.float64)
-    np.testing.assert_allclose(forward(chain, [0.4]), expected, atol=1e-15)
 
 
 def test_names_types_and_limits() -> None:
@@ -295,25 +274,6 @@ def origins(chain: Chain, q: Array) -> Array:
     frames = joint_frames(chain, q)
     local = np.column_stack([frame_origins(chain), np.ones(chain.n)])
     return np.array([T @ place for T, place in zip(frames, local, strict=True)])[:, :3]
-
-
-def multiplied_out(table: DhTable, q: Array) -> Array:
-    """Origins of the frames of a standard table, the tool's instead of the last, shape (n, 3)."""
-    T, places = table.base, []
-    for r, value in zip(table.rows, q, strict=True):
-        theta, d = (r.theta + value, r.d) if r.type == "revolute" else (r.theta, r.d + value)
-        x_part = transform(rotation_x(r.alpha) @ rotation_y(r.beta), [r.a, 0.0, 0.0])
-        T = T @ transform(rotation_z(theta), [0.0, 0.0, d]) @ x_part
-        places.append(T[:3, 3])
-    return np.array([*places[:-1], (T @ table.tool)[:3, 3]])
-
-
-@pytest.mark.parametrize("name", builtin_names())
-def test_built_in_robots_have_the_origins_of_their_own_table(name: str) -> None:
-    chain = builtin(name).chain
-    table = dh_from_chain(chain)
-    for q in np.random.default_rng(1).uniform(*chain.sampling_bounds(), size=(5, chain.n)):
-        np.testing.assert_allclose(origins(chain, q), multiplied_out(table, q), atol=1e-12)
 
 
 @pytest.mark.parametrize(

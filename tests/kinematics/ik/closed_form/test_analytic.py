@@ -266,20 +266,6 @@ def test_a_first_joint_that_is_held_stays_at_the_parameter(slides: bool) -> None
     assert (table.joints[:, 0] == value).all()
 
 
-@pytest.mark.parametrize("name", ["ur5e", "iiwa14"])
-def test_batches_equal_single_calls(name: str) -> None:
-    chain = builtin_chain(name)
-    rng = np.random.default_rng(7)
-    lower, upper = chain.sampling_bounds()
-    q = rng.uniform(lower, upper, (20, chain.n))
-    T = forward(chain, q)
-    batch = branches(chain, T, seed_joints=q)
-    assert batch.counts is not None
-    for k in range(20):
-        one = branches(chain, T[k], seed_joints=q[k])
-        np.testing.assert_allclose(batch.table[k, : batch.counts[k]], one.table, atol=1e-12)
-
-
 @pytest.mark.parametrize("name", ["ur5e", "kr6_sixx"])
 def test_joints_are_the_whole_turns_inside_the_limits_nearest_the_seed(name: str) -> None:
     rng = np.random.default_rng(8)
@@ -317,11 +303,6 @@ def test_limits_a_hair_from_a_branch_lose_none(name: str) -> None:
         assert away.min(axis=1).max() < 1e-6
         fits = found.joints <= upper + 1e-9
         assert fits[found.within_limits].all()
-
-
-def test_poses_out_of_reach_have_no_branch() -> None:
-    for name in ARMS:
-        assert not len(branches(builtin_chain(name), transform(None, [9.0, 0.0, 0.0])).table)
 
 
 def test_bad_input_is_named() -> None:

@@ -132,18 +132,6 @@ def test_branches_have_the_arm_angle_asked_for_and_reach_the_pose(bend: float | 
             assert abs(error) < 1e-9 / (1.0 if bend is None else bend)
 
 
-def test_every_sign_of_elbow_shoulder_and_wrist_is_answered_once() -> None:
-    chain = builtin_chain("iiwa14")
-    q = np.array([0.3, 0.8, -0.4, 1.1, 0.5, -0.9, 0.2])
-    table = branches(chain, forward(chain, q), seed_joints=q)
-    signs = {
-        (bool(np.sin(row[1]) > 0.0), bool(np.sin(row[3]) > 0.0), bool(np.sin(row[5]) > 0.0))
-        for row in table.joints
-    }
-    assert len(signs) == len(table.joints) == 8
-    assert np.abs(table.joints - q).max(axis=1).min() < 1e-9
-
-
 PARALLEL_KINDS = [kind for kind in GENERAL if kind.startswith("three parallel")]
 
 
