@@ -376,13 +376,6 @@ def test_fingers_are_set_and_move(workbench: Workbench) -> None:
     assert workbench.state.fingers == {"claw_left": 0.03}
 
 
-def test_a_setting_out_of_range_is_a_failure_in_words(workbench: Workbench) -> None:
-    workbench.set_setting("timing.velocity_scaling", -1.0)
-    outcome = workbench.plan()
-    assert isinstance(outcome, Failure)
-    assert "velocity_scaling" in outcome.detail
-
-
 def test_the_form_has_what_the_api_says(workbench: Workbench) -> None:
     fields = {field.path: field for field in workbench.fields}
     assert "rrt_connect" in fields["planner"].choices

@@ -268,19 +268,6 @@ def test_nothing_is_nearest_where_all_nodes_were_taken_out() -> None:
     assert (node, away) == (0, np.inf)
 
 
-#: Of two links in a plane: the first one between two posts can't be got out from there.
-NARROW_PASSAGE_BEFORE, NARROW_PASSAGE_ENCLOSED = np.array([-2.0, 0.3]), np.array([2.5, 0.0])
-
-
-def enclosed() -> Checker:
-    """Bars on both sides of the first link in ENCLOSED."""
-    posts = []
-    for k, angle in enumerate((2.2, 2.8)):
-        at = 0.3 * np.array([np.cos(angle), np.sin(angle)])
-        posts.append(box(f"post{k}", (0.04, 2.0, 0.04), (at[0], 0.0, at[1])))
-    return Checker.of(builtin("planar_rr"), Scene(tuple(posts)))
-
-
 def pairs(scene: Scene, max_edges: int = 100_000, *, proves: bool = True) -> TreePairs:
     checker, roots = Checker.of(builtin("panda"), scene), np.array([START, GOAL])
     return TreePairs(checker, roots, 3, Deadline.after(60.0), max_edges, None, proves)
@@ -303,8 +290,8 @@ def test_the_way_keeps_the_clearance_asked_for_and_is_found_again(scene: Scene) 
 
 
 def test_there_is_none_where_there_is_no_way() -> None:
-    roots = np.array([NARROW_PASSAGE_BEFORE, NARROW_PASSAGE_ENCLOSED])
-    grown = TreePairs(enclosed(), roots, 0, Deadline.after(60.0), 100_000, None, True)
+    roots = np.array([BEFORE, ENCLOSED])
+    grown = TreePairs(gate(), roots, 0, Deadline.after(60.0), 100_000, None, True)
     assert find_narrow_passage(grown) is None
     assert grown.edges <= 100_000
 
@@ -353,13 +340,6 @@ def test_a_motion_that_keeps_too_little_distance_is_not_free() -> None:
 
 
 def test_a_motion_that_no_look_finds_blocked_is_proved() -> None:
-    contact = CHECKER.straight(STRAIGHT_LINE_START, STRAIGHT_LINE_BEHIND)
-    assert contact.colliding
-    assert contact.pair == ("ball", "wall")
-    assert not CHECKER.valid(
-        STRAIGHT_LINE_START + contact.at * (STRAIGHT_LINE_BEHIND - STRAIGHT_LINE_START)
-    )
-    assert CHECKER.straight(STRAIGHT_LINE_START, BESIDE).free
     # Thinner than the way from look to look: only the proof finds it.
     thin = Checker.of(slider(), Scene((box("foil", (1e-5, 1.0, 0.4), (0.07, 0.0, 0.0)),)))
     far = 30.0 * STRAIGHT_LINE_BEHIND

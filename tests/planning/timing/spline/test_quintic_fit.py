@@ -251,24 +251,6 @@ def test_a_motion_may_be_given_by_pieces_and_parts() -> None:
         assert worst_ratio(spline, bound, order) <= 1.0 + 1e-9
 
 
-@pytest.mark.parametrize("name", ["panda", "ur5e", "kr6_sixx"])
-def test_motions_with_a_slow_tool_have_few_pieces_and_keep_all_limits(name: str) -> None:
-    robot = builtin(name)
-    limits, arm = robot.chain.limits, PinocchioArm(name)
-    rates = []
-    for problem, options in random_problems(robot, 6, 0.0):
-        answer = planned_motion(problem, options)
-        motion = answer.trajectory
-        rates.append(motion.pieces * 1.6 / max(motion.duration, 1.6))
-        assert answer.certificate.verified
-        jerk = 10.0 * limits.acceleration if np.isnan(limits.jerk).any() else limits.jerk
-        jerk = np.where(np.isfinite(jerk), jerk, 10.0 * limits.acceleration)
-        for order, bound in enumerate((limits.velocity, limits.acceleration, jerk), 1):
-            assert worst_ratio(motion, bound, order) <= 1.0 + 1e-9
-        assert arm.tip_speeds(motion, instants(motion)).max() <= TOOL_SPEED * (1.0 + 1e-9)
-    assert np.median(rates) <= 20.5
-
-
 def test_a_spline_that_takes_much_longer_is_not_taken() -> None:
     """At most a twentieth longer than by the interior-point method; a tenth where little binds."""
     robot = builtin("panda")
