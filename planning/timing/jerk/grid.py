@@ -382,10 +382,11 @@ def grid(
     """
     c, breaks = path.coefficients, path.breaks
     straight = ~(c[:, :, 2:] != 0.0).any(axis=(1, 2))
-    pace, ramps = _pace(path, limits, speeds)
+    pace, ramps, shares = _pace(path, limits, speeds)
     if cells is None:
         cells = _FEW if extra is None and straight.any() else _FINE
-    places = _knots(breaks, straight, ramps, [speed == 0.0 for speed in speeds], cells)
+    # An end passed below this part of full speed has speeds near it that grow as those from rest.
+    places = _knots(breaks, straight, ramps, [share < 0.03 for share in shares], cells)
     pieces = np.searchsorted(breaks, 0.5 * (places[1:] + places[:-1]), side="right") - 1
     phi = pace.derivatives(places)
     count = len(places)
@@ -400,8 +401,9 @@ def grid(
     at = KnotPlaces(places, pieces, straight, phi)
     limit_rows_kernel(c, breaks, at, limits, more, rows, counts)
     lengths = np.concatenate([[0.0], np.diff(pace.tau(places)), [0.0]])
-    # A speed asked for at an end counts like this part of the path run through at it.
-    pulls = np.where(np.array(speeds) > 0.0, 0.1 * float(breaks[-1]), 0.0)
+    # A speed asked for at an end counts like a tenth of the path run through at it, but for a slow
+    # one no more than the path at full speed, beside which all else would be within the tolerance.
+    pulls = 0.1 * float(breaks[-1]) * np.minimum(1.0, 10.0 * shares)
     on_spline = JerkLimits(lengths, _maps(lengths), rows, counts, pulls)
     return Grid(places, phi[:2], pieces.astype(np.int64), on_spline)
 
@@ -498,14 +500,21 @@ def slopes_kernel(c: Array, u: float) -> tuple[float, float, float]:
 
 def _pace(
     path: JointPath, limits: Array, speeds: tuple[float, float]
-) -> tuple[_Pace, tuple[float, float]]:
-    """The pace, and the ways at the two ends on which speeds change most."""
+) -> tuple[_Pace, tuple[float, float], Array]:
+    """The pace, the ways at the two ends on which speeds change most, and speeds as parts of full.
+
+    Without a limit of the velocity every speed but 0 counts as full.
+    """
     length = float(path.breaks[-1])
     slopes = np.abs(path.sample([0.0, length], 1))
+    with np.errstate(divide="ignore"):
+        full = (limits[0] / slopes).min(axis=1)
+    asked = np.array(speeds)
+    shares = np.where(np.isfinite(full), asked / full, asked > 0.0)
     # A ramp takes at most this part of the way.
     ramps = [min(_ramp(slope, limits), 0.4 * length) for slope in slopes]
     resting = [ramp if speed == 0.0 else 0.0 for ramp, speed in zip(ramps, speeds, strict=True)]
-    return _Pace(length, resting[0], resting[1]), (ramps[0], ramps[1])
+    return _Pace(length, resting[0], resting[1]), (ramps[0], ramps[1]), shares
 
 
 def _ramp(slope: Array, limits: Array) -> float:

@@ -116,6 +116,25 @@ def test_boundary_speeds_are_met_exactly(speed: float) -> None:
         assert worst_ratio(motion, limit, order) <= 1.0 + 1e-9
 
 
+@pytest.mark.parametrize("share", [1e-3, 1e-2, 5e-2])
+@pytest.mark.parametrize("end", [0, 1])
+def test_a_slow_boundary_speed_costs_no_time(share: float, end: int) -> None:
+    rng = np.random.default_rng(12)
+    for n in (1, 2, 4, 7):
+        waypoints = rng.uniform(-1.5, 1.5, (rng.integers(3, 7), n))
+        limits = rng.uniform(1, 3, n), rng.uniform(3, 15, n), 10.0 ** rng.uniform(2, 4, n)
+        path = blend(waypoints, 0.3 * largest_reaches(waypoints), smooth=True)
+        slopes = np.abs(path.sample([0.0, path.breaks[-1]], 1)[end])
+        speeds = [0.0, 0.0]
+        speeds[end] = share * float((limits[0] / slopes).min())
+        motion = time_path_with_jerk(path, names(n), *limits, end_speeds=(speeds[0], speeds[1]))
+        assert motion.trajectory.duration < 1.03 * timed(path, *limits).duration
+        for order, limit in enumerate(limits, 1):
+            assert worst_ratio(motion.trajectory, limit, order) <= 1.0 + 1e-9
+        ends = motion.trajectory.sample([0.0, motion.trajectory.duration], 1)
+        assert np.linalg.norm(ends, axis=1) == pytest.approx(speeds, rel=1e-9, abs=1e-9)
+
+
 def test_sections_that_are_lost_in_the_time_of_a_long_one_are_refused() -> None:
     path = blend([[0.0], [10.0], [10.0 - 1e-8]], [0.0], smooth=True)
     with pytest.raises(TimingFailed, match="no speed along the path"):
