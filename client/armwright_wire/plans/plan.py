@@ -145,9 +145,9 @@ class PlanningRequest(SceneRequest, Keepable):
     robot: Name = Field(examples=["panda"])
     """name of a stored or built-in robot"""
     timing: Timing = Field(default_factory=Timing)
-    """how paths become motions"""
+    """method and options of the timing"""
     limits: LimitsBody | None = None
-    """of the joints, in place of the robot's"""
+    """limits in the order of the joints, in place of the robot's"""
     goal_costs: GoalCosts | None = None
     stops: Stops = "none"
     witness: Witness = False
