@@ -220,8 +220,9 @@ def _reach_gap(query: _Query, form: Structure | None) -> float | None:
         return gap
     if form is None or form.redundant:
         return None
-    exists = len(branches(query.chain, query.target, link=query.link, tolerance=CLOSE).joints) > 0
-    return None if exists else 0.0
+    # Beside two singularities at once a branch is refined to no more than about this [m], [rad].
+    rough = branches(query.chain, query.target, link=query.link, tolerance=1e-4)
+    return None if len(rough.joints) > 0 else 0.0
 
 
 def _beyond(gap: float) -> str:

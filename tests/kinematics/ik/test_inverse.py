@@ -21,9 +21,11 @@ from kinematics.ik.inverse import METHODS, IkOptions, inverse_kinematics, invers
 from kinematics.ik.ranking import margin, order, outside, whole_turns
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain, Limits
+from kinematics.model.dh import DhRow, DhTable, chain_from_dh
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain
 from tests.kinematics.ik.arms import apart, general_arm, random_joints
+from tests.kinematics.ik.symmetries import wrapped
 
 FAR = transform(None, [9.0, 0.0, 0.0])
 
@@ -447,3 +449,28 @@ def test_a_slide_has_no_whole_turns() -> None:
     assert (copies[:, slide] == q[slide]).all()
     q[slide] = chain.limits.upper[slide] + 1e-3
     assert len(whole_turns(chain, q, 100)) == 0
+
+
+def test_a_wrist_that_nearly_meets_axis_1_behind_small_offsets_is_reached() -> None:
+    lengths, a1 = 0.6, 1e-3
+    shapes = [(a1, 0.5, 0.3), (lengths, 0.0, 1e-4), (0.0, 0.5, 0.0), (0.0, -0.5, lengths),
+              (0.0, 0.5, 0.0), (0.0, 0.0, 0.1)]  # fmt: skip
+    rows = [DhRow("revolute", a=a, alpha=alpha * np.pi, d=d, lower=-np.pi, upper=np.pi)
+            for a, alpha, d in shapes]  # fmt: skip
+    chain = chain_from_dh("offsets", DhTable("standard", tuple(rows)))
+    rng = np.random.default_rng(4)
+    without = 0
+    for _ in range(150):
+        q = rng.uniform(-3.0, 3.0, 6)
+        # The wrist is a1 + |w| cos(q2 + arg w) from axis 1 in the plane of the links.
+        w = lengths * (1.0 + np.exp(1j * (q[2] - 0.5 * np.pi)))
+        q[1] = rng.choice([-1, 1]) * np.arccos(np.clip(-a1 / abs(w), -1.0, 1.0)) - np.angle(w)
+        q[1] = wrapped(q[1] + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-7.0, -4.0))
+        T = forward(chain, q)
+        without += len(branches(chain, T).joints) == 0
+        solutions = inverse_kinematics(chain, T).solutions
+        assert solutions
+        found = forward(chain, solutions[0].joints)
+        assert np.linalg.norm(found[:3, 3] - T[:3, 3]) < 1.1e-6
+        assert np.abs(found[:3, :3] - T[:3, :3]).max() < 2e-6
+    assert without > 10
