@@ -9,30 +9,30 @@ poses ours is tried on, ``--shared`` how many of each all of them are timed on.
 import argparse
 import subprocess
 import tempfile
-import time
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armwright.model import ik
 from benchmarks.peers.ik_peers import time_calls
 from benchmarks.problems.poses import edge_configurations, random_configurations
+from benchmarks.rounds import once, rounds
+from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.closed_form.analytic import Branches, branches
 from kinematics.ik.closed_form.structure import structure
 from kinematics.ik.numeric.numeric import AXES, Axis, SearchOptions, solve, solve_many
 from kinematics.ik.ranking import whole_turns
-from kinematics.ik.solution import IkResult
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.pose import to_quaternions
 from kinematics.robots import builtin_chain, builtin_urdf
 
-Array = NDArray[np.float64]
+Answer = TypeVar("Answer")
 ROBOTS = ("panda", "ur5e", "kr6_sixx", "puma560", "iiwa14", "scara")
 NUMERIC_PEERS = ("TRAC-IK", "toolbox ik_LM")
 ANALYTIC_PEERS = ("EAIK", "ik-geo")
@@ -69,20 +69,10 @@ class Judge:
         return float(np.linalg.norm(away)), float(np.linalg.norm(turn))
 
 
-def _solve_numeric(
-    chain: Chain, poses: list[Array], starts: list[Array], options: SearchOptions, k: int
-) -> IkResult:
-    return solve(chain, poses[k], options, seed_joints=starts[k])
-
-
-def _solve_branches(
-    chain: Chain, poses: list[Array], seeds: list[Array] | None, k: int
-) -> Branches:
-    return branches(chain, poses[k], seed_joints=None if seeds is None else seeds[k])
-
-
-def _solve_best(chain: Chain, poses: list[Array], k: int) -> IkResult:
-    return ik(chain, poses[k])
+def time_each(call: Callable[..., Answer], *columns: Iterable[Any]) -> tuple[list[Answer], Array]:
+    """Answers of a call to each row of some columns, and the times that they took [us]."""
+    rows = list(zip(*columns, strict=True))
+    return time_calls(lambda k: call(*rows[k]), len(rows))
 
 
 def ask_peers(
@@ -124,8 +114,8 @@ def numeric(name: str, options: argparse.Namespace) -> None:
     for kind, q in sets.items():
         poses = forward(chain, q)
         starts = random_configurations(chain, len(q), 3)
-        found, spent = time_calls(
-            partial(_solve_numeric, chain, list(poses), list(starts), search), len(q)
+        found, spent = time_each(
+            lambda T, start: solve(chain, T, search, seed_joints=start), poses, starts
         )
         failures = [
             k
@@ -151,26 +141,22 @@ def numeric(name: str, options: argparse.Namespace) -> None:
 
 def report_batch(chain: Chain, poses: Array, starts: Array, options: SearchOptions) -> None:
     """Print what a pose of a batch costs beside single calls from the same seeds."""
-    rows, seeds = list(poses), list(starts)
-    batch, alone, single, median = [], [], [], []
-    for _ in range(_ROUNDS):
-        # In turn, so that what else the machine does disturbs all of them alike.
-        start = time.perf_counter()
-        solve_many(chain, poses, options, seed_joints=starts)
-        batch.append(1e6 * (time.perf_counter() - start) / len(poses))
-        begun = time.process_time()
-        solve_many(chain, poses, options, seed_joints=starts, threads=1)
-        alone.append(1e6 * (time.process_time() - begun) / len(poses))
-        begun = time.process_time()
-        _, spent = time_calls(partial(_solve_numeric, chain, rows, seeds, options), len(poses))
-        single.append(1e6 * (time.process_time() - begun) / len(poses))
-        median.append(np.median(spent))
-    one = np.median(alone)
+    medians: list[float] = []
+
+    def single() -> None:
+        _, spent = time_each(
+            lambda T, start: solve(chain, T, options, seed_joints=start), poses, starts
+        )
+        medians.append(float(np.median(spent)))
+
+    batch = partial(solve_many, chain, poses, options, seed_joints=starts, threads=1)
+    spent = rounds({"batch": batch, "single": single}, _ROUNDS)
+    one, alone = (float(np.median(values)) / len(poses) for values in spent.values())
+    median = np.median(medians)
     print(
         f"{chain.name:9s} numeric batch of {len(poses)}: {one:.2f} us of processor time a pose, "
-        f"one thread; single calls {np.median(single):.2f} on average, {np.median(median):.2f} in "
-        f"the median: {np.median(single) / one:.2f} x and {np.median(median) / one:.2f} x; all "
-        f"processors {np.median(batch):.2f} us on the clock"
+        f"one thread; single calls {alone:.2f} on average, {median:.2f} in the median: "
+        f"{alone / one:.2f} x and {median / one:.2f} x"
     )
 
 
@@ -204,6 +190,10 @@ def analytic(name: str, options: argparse.Namespace) -> None:
     """The closed form of one robot: completeness and time, beside the peers."""
     chain = builtin_chain(name)
     judge = Judge(chain, name)
+
+    def solve_branches(T: Array, seed: Array | None) -> Branches:
+        return branches(chain, T, seed_joints=seed)
+
     for kind, q in {
         "random": random_configurations(chain, options.poses, 4),
         "edges": edge_configurations(chain, options.edges, 5),
@@ -211,49 +201,43 @@ def analytic(name: str, options: argparse.Namespace) -> None:
         poses = forward(chain, q)
         form = structure(chain)
         seeds = q if form is not None and form.redundant else None
-        rows = None if seeds is None else list(seeds)
-        found, spent = time_calls(partial(_solve_branches, chain, list(poses), rows), len(q))
+        held = [None] * len(q) if seeds is None else q
+        found, spent = time_each(solve_branches, poses, held)
         unanswered = [k for k, table in enumerate(found) if not table.within_limits.any()]
         worst = max(
             float(judge_worst(judge, table.joints, poses[k])) for k, table in enumerate(found)
         )
-        batched, alone = [], []
-        for _ in range(_ROUNDS):
-            some = None if seeds is None else seeds[:1000]
-            start = time.perf_counter()
-            branches(chain, poses[:1000], seed_joints=some)
-            batched.append(1e6 * (time.perf_counter() - start) / len(poses[:1000]))
-            start = time.process_time()
-            branches(chain, poses[:1000], seed_joints=some, threads=1)
-            alone.append(1e6 * (time.process_time() - start) / len(poses[:1000]))
-        turns = np.mean([
+        few, some = poses[:1000], None if seeds is None else seeds[:1000]
+        batch = partial(branches, chain, few, seed_joints=some, threads=1)
+        batched = once(batch, _ROUNDS) / len(few)
+        copies = np.mean([
             sum(len(whole_turns(chain, row, 10_000)) for row in table.joints[table.within_limits])
             for table in found[:200]
         ])  # fmt: skip
         print(
             f"{name:9s} analytic {kind:7s} {len(q):6d} poses  answered "
             f"{100 * (1 - len(unanswered) / len(q)):.3f} %  branches "
-            f"{np.mean([len(table.table) for table in found]):.2f} (with whole turns {turns:.1f})  "
-            f"worst error {worst:.1e}  median {np.median(spent):5.2f} us  p99 "
-            f"{np.percentile(spent, 99):5.1f} us  batched {np.median(batched):.2f} us, "
-            f"one thread {np.median(alone):.2f} us"
+            f"{np.mean([len(table.table) for table in found]):.2f} (with whole turns {copies:.1f})"
+            f"  worst error {worst:.1e}  median {np.median(spent):5.2f} us  p99 "
+            f"{np.percentile(spent, 99):5.1f} us  in batch, one thread "
+            f"{batched:.2f} us"
         )
         for k in unanswered[:10]:
             print(f"    unanswered: {np.array2string(q[k], precision=6)}")
         m = min(options.shared, len(q))
         if options.peers is None:
             continue
-        rounds, best = [], []
+        turns, best = [], []
         for _ in range(_TURNS):
             # In turn, as the machine is faster at some times than at others.
-            _, spent = time_calls(partial(_solve_branches, chain, list(poses[:m]), rows), m)
-            _, whole = time_calls(partial(_solve_best, chain, list(poses[:m])), m)
+            _, spent = time_each(solve_branches, poses[:m], held[:m])
+            _, whole = time_each(partial(ik, chain), poses[:m])
             told = ask_peers(options.peers, name, chain, poses[:m], q[:m], ANALYTIC_PEERS)
-            rounds.append((float(np.median(spent)), told))
+            turns.append((float(np.median(spent)), told))
             best.append(float(np.median(whole)))
         for peer in answered(told, ANALYTIC_PEERS):
-            theirs = [float(np.median(answer[f"{peer}: spent"])) for _, answer in rounds]
-            ours = [median for median, _ in rounds]
+            theirs = [float(np.median(answer[f"{peer}: spent"])) for _, answer in turns]
+            ours = [median for median, _ in turns]
             ratios = np.array(ours) / theirs
             print(
                 f"    {peer:8s} {m} poses  median {np.median(theirs):6.2f} us (ours "

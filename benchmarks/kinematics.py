@@ -6,48 +6,20 @@ user of pinocchio calls: framesForwardKinematics and computeFrameJacobian of the
 """
 
 import argparse
-import statistics
-import time
 from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from benchmarks.problems.poses import random_configurations
+from benchmarks.rounds import once, rounds
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import geometric, pose_and_jacobian
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_urdf
 
-Array = NDArray[np.float64]
 ROBOTS = ("panda", "ur5e", "iiwa14", "kr6_sixx", "scara")
 ROUNDS, CALLS, BATCH = 41, 1000, 100_000
-
-
-def interleaved_medians(calls: dict[str, Callable[[], object]]) -> dict[str, float]:
-    """Medians over the rounds of the processor time a call [us]."""
-    spent: dict[str, list[float]] = {name: [] for name in calls}
-    for call in calls.values():
-        call()
-    for _ in range(ROUNDS):
-        for name, call in calls.items():
-            start = time.process_time()
-            for _ in range(CALLS):
-                call()
-            spent[name].append(1e6 * (time.process_time() - start) / CALLS)
-    return {name: statistics.median(values) for name, values in spent.items()}
-
-
-def once(call: Callable[[], object], rounds: int = 5) -> float:
-    """Median processor time of a call [us], all of its threads together."""
-    call()
-    spent = []
-    for _ in range(rounds):
-        start = time.process_time()
-        call()
-        spent.append(1e6 * (time.process_time() - start))
-    return statistics.median(spent)
 
 
 def singles(name: str, chain: Chain) -> None:
@@ -63,17 +35,17 @@ def singles(name: str, chain: Chain) -> None:
             model, data, q, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         )
 
-    told = interleaved_medians(
-        {
-            "pinocchio FK + Jacobian": theirs,
-            "FK of the tip": lambda: forward(chain, q),
-            "Jacobian": lambda: geometric(chain, q),
-            "FK + Jacobian": lambda: pose_and_jacobian(chain, q),
-            "FK of all links": lambda: link_poses(chain, q),
-        }
-    )
-    reference = told["pinocchio FK + Jacobian"]
-    for what, value in told.items():
+    calls: dict[str, Callable[[], object]] = {
+        "pinocchio FK + Jacobian": theirs,
+        "FK of the tip": lambda: forward(chain, q),
+        "Jacobian": lambda: geometric(chain, q),
+        "FK + Jacobian": lambda: pose_and_jacobian(chain, q),
+        "FK of all links": lambda: link_poses(chain, q),
+    }
+    spent = rounds(calls, ROUNDS, dict.fromkeys(calls, CALLS))
+    medians = {what: np.median(values) for what, values in spent.items()}
+    reference = medians["pinocchio FK + Jacobian"]
+    for what, value in medians.items():
         print(f"{name:7s} {what:24s} {value:6.3f} us  {value / reference:5.2f} x")
 
 

@@ -27,12 +27,12 @@ from typing import Any
 
 import numpy as np
 import toppra
-from numpy.typing import NDArray
 
 from benchmarks import mbm_problems
 from benchmarks.judges.least_time import stops
 from benchmarks.judges.ratios import worst_ratio
-from benchmarks.kinematics import once
+from benchmarks.rounds import once
+from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.jerk_limited import time_path_with_jerk
 from planning.timing.method import timing_method
@@ -43,7 +43,6 @@ from planning.timing.path.path import JointPath
 from planning.timing.speed.minimum_time import time_path
 from planning.timing.spline.spline import Ends, chord_knots, spline_path
 
-Array = NDArray[np.float64]
 NAMES = tuple(f"joint{i}" for i in range(1, 8))
 VELOCITY = np.array([2.175] * 4 + [2.61] * 3)
 ACCELERATION, JERK = np.array(mbm_problems.ACCELERATION), np.array(mbm_problems.JERK)

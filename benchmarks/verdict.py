@@ -11,28 +11,26 @@ in the scene, "asked" the pairs of such a state that its brackets left to the ex
 """
 
 import argparse
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
+from armwright.robot import load_robot
 from benchmarks.judges.fcl import FclJudge
 from benchmarks.mbm_problems import cases, scene_at_root
 from benchmarks.mbm_problems import panda as mesh_panda
+from benchmarks.rounds import rounds
 from compiled.kernel import kernel
 from kinematics.arrays import Array
 from kinematics.pose import from_axis_angle, transform
-from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.tree.srdf import parse_srdf
-from kinematics.urdf.urdf import parse_urdf
+from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import COLLIDING, FREE, MAX_INTERVALS, Cubic, certify_in
 from obstacles.collision.model.kernel_work import workspace
 from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.state_check import verdict_in
-from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import (
     Box,
@@ -58,13 +56,6 @@ _REPEATS = 5
 _EVERY = 12
 
 
-def builtin(name: str) -> RobotGeometry:
-    """A built-in robot."""
-    description, semantics = parse_urdf(builtin_urdf(name)), parse_srdf(builtin_srdf(name))
-    chain = serial_chain(description, semantics=semantics)
-    return robot_geometry(chain, description, {}, semantics)
-
-
 @kernel
 def certify_all(model: ModelArrays, starts: Array, steps: Array, verdicts: Array) -> None:
     """Verdict on the straight motion by ``steps`` (k, n) from each of ``starts`` (k, n)."""
@@ -86,12 +77,7 @@ def verdicts_on(model: ModelArrays, states: Array, margin: float, verdicts: Arra
 
 def cheapest(task: Callable[[], object]) -> float:
     """Processor time of the cheapest of a few runs [s]."""
-    spent = []
-    for _ in range(_REPEATS):
-        began = time.process_time()
-        task()
-        spent.append(time.process_time() - began)
-    return min(spent)
+    return 1e-6 * float(rounds({"": task}, _REPEATS)[""].min())
 
 
 def clutter(random: np.random.Generator, reach: float) -> Scene:
@@ -119,7 +105,7 @@ def pairs(problems: Path | None) -> Iterator[tuple[str, RobotGeometry, Scene, Ar
     """Robots in scenes: three of our own for each built-in robot, and the problems' with ends."""
     random = np.random.default_rng(0)
     for name in builtin_names():
-        robot = builtin(name)
+        robot = load_robot(name)
         reach = float(np.linalg.norm(robot.chain.offsets[:, :3, 3], axis=1).sum()) + 0.1
         for k in range(_SCENES):
             yield f"{name} {k}", robot, clutter(random, reach), None

@@ -6,11 +6,9 @@ from typing import Any
 import casadi
 import numpy as np
 import ruckig
-from numpy.typing import NDArray
 
+from kinematics.arrays import Array
 from planning.timing.path.path import JointPath
-
-Array = NDArray[np.float64]
 
 
 def stops(waypoints: Array, limits: tuple[Array, Array, Array]) -> float:

@@ -1,11 +1,9 @@
 """Limit ratios of piecewise polynomials by numpy alone: eigenvalues of companion matrices."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 #: Looked at besides the stationary points, in case an eigenvalue is off.
 _PLACES = np.linspace(0.0, 1.0, 33)

@@ -107,13 +107,11 @@ def ik_geo(case: Any) -> Callable[[int], Any]:
     """All branches of ik-geo."""
     Robot = import_module("ik_geo").Robot
     H, P, home = _lines(case)
-    # The wrist's axes meet: their common point is where it expects them to.
+    # The last axes meet, three or two of them: their common point is where it expects them to.
     if str(case["kind"]) == "spherical":
-        P = _common_origin(H, P)
-        robot = Robot.spherical_two_parallel(H.tolist(), P.tolist())
+        robot = Robot.spherical_two_parallel(H.tolist(), _meet(H, P, 3).tolist())
     else:
-        P = _meet_last_axes(H, P)
-        robot = Robot.three_parallel_two_intersecting(H.tolist(), P.tolist())
+        robot = Robot.three_parallel_two_intersecting(H.tolist(), _meet(H, P, 4).tolist())
     # It takes rotations column by column.
     turns = np.ascontiguousarray(np.swapaxes(np.array(case["poses"])[:, :3, :3] @ home.T, 1, 2))
     places = np.ascontiguousarray(case["poses"][:, :3, 3])
@@ -124,29 +122,12 @@ def ik_geo(case: Any) -> Callable[[int], Any]:
     return solve
 
 
-def _points(P: Array) -> Array:
-    return np.cumsum(P, axis=0)
-
-
-def _common_origin(H: Array, P: Array) -> Array:
-    """Offsets with the last three axes' origins where they meet."""
-    points = _points(P)
-    across = np.eye(3) - H[3:, :, None] * H[3:, None, :]
-    meeting = np.linalg.lstsq(
-        across.sum(0), np.einsum("kij,kj->i", across, points[3:6]), rcond=None
-    )[0]
-    points[3:6] = meeting
-    return np.diff(np.vstack([np.zeros(3), points]), axis=0)
-
-
-def _meet_last_axes(H: Array, P: Array) -> Array:
-    """Offsets with axes 5 and 6 from where they meet."""
-    points = _points(P)
-    across = np.eye(3) - H[4:, :, None] * H[4:, None, :]
-    meeting = np.linalg.lstsq(
-        across.sum(0), np.einsum("kij,kj->i", across, points[4:6]), rcond=None
-    )[0]
-    points[4:6] = meeting
+def _meet(H: Array, P: Array, first: int) -> Array:
+    """Offsets with the origins of the axes from ``first`` on where they meet."""
+    points = np.cumsum(P, axis=0)
+    across = np.eye(3) - H[first:, :, None] * H[first:, None, :]
+    known = np.einsum("kij,kj->i", across, points[first:6])
+    points[first:6] = np.linalg.lstsq(across.sum(0), known, rcond=None)[0]
     return np.diff(np.vstack([np.zeros(3), points]), axis=0)
 
 

@@ -15,7 +15,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.verdict import builtin, certify_all, cheapest, verdicts_on
+from armwright.robot import load_robot
+from benchmarks.verdict import certify_all, cheapest, verdicts_on
 from kinematics.arrays import Array
 from kinematics.pose import transform
 from obstacles.collision.checker import Checker
@@ -121,7 +122,7 @@ def main() -> None:
         "--points", type=int, nargs="*", default=[1_000, 3_000, 10_000, 30_000, 100_000]
     )
     sizes = parser.parse_args()
-    robot = builtin("panda")
+    robot = load_robot("panda")
     Checker.of(robot, Scene())
     measure(robot, clutter(np.random.default_rng(0), 3), np.random.default_rng(0))
     head = (

@@ -1,11 +1,9 @@
 """Poses that inverse kinematics is measured on: random ones, and the edges of an arm."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kinematics.arrays import Array
 from kinematics.model.chain import Chain
-
-Array = NDArray[np.float64]
 
 #: What one joint alone makes singular: the elbow for "stretched", the wrist for "singular".
 _SINGULAR: dict[str, dict[str, dict[int, float | None]]] = {

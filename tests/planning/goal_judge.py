@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from armwright.robot import load_robot
 from benchmarks.problems.example_arms import ARMS
 from benchmarks.problems.mesh_scenes import own_scenes
-from benchmarks.verdict import builtin
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.numeric import numeric
@@ -44,7 +44,7 @@ _TURN = 2.0 * np.pi
 
 def arm(name: str) -> RobotGeometry:
     """A built-in arm, or one of example-robot-data."""
-    return builtin(name) if name in builtin_names() else ARMS[name].geometry(LIMITS)
+    return load_robot(name) if name in builtin_names() else ARMS[name].geometry(LIMITS)
 
 
 def limit_share(chain: Chain, q: Array) -> float:
