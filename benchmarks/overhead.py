@@ -13,9 +13,9 @@ motions, then asks for them. The built-in Panda moves among ten boxes:
   same.
 
 Where a request brings a scene that was never seen, this process plans in a new one, too: whatever
-planning prepares for a scene is no part of the difference. Beside the differences by the clock, of
-medians and of the least times of each motion, stand the processor times of a request in client,
-server and worker; the latter is told less that of planning in this process.
+planning prepares for a scene is no part of the difference. Beside the differences of medians by
+the clock stand the processor times of a request in client, server and worker; the latter is told
+less that of planning in this process.
 """
 
 import argparse
@@ -51,10 +51,7 @@ CLEARANCE = 0.03
 SCENES = ("none", "stored", "inline", "inline_again", "moveit", "moveit_again")
 #: Of what was never seen.
 _NUMBERS = itertools.count(1)
-_COLUMNS = (
-    "in process", "over HTTP", "difference", "of minima", "less stages",
-    "client", "server", "worker",
-)  # fmt: skip
+_COLUMNS = ("in process", "over HTTP", "difference", "client", "server", "worker")
 _OBJECT = """\
     - id: {id}
       header: {{frame_id: panda_link0}}
@@ -75,13 +72,11 @@ class Spent:
         clock: Until it was there [s].
         processor: Of this process [s].
         path: What was found.
-        stages: Time of all stages [s].
     """
 
     clock: float
     processor: float
     path: list[list[float]]
-    stages: float
 
 
 def boxes(table: str = "table") -> list[tuple[str, list[float], list[float]]]:
@@ -146,8 +141,7 @@ def spent_inside(problem: Problem) -> Spent:
     answer = plan(problem, Options())
     clock, processor = time.perf_counter() - began, time.process_time() - spent
     assert isinstance(answer, Plan)
-    stages = 1e-3 * sum(stage.milliseconds for stage in answer.stages)
-    return Spent(clock, processor, answer.path.waypoints.tolist(), stages)
+    return Spent(clock, processor, answer.path.waypoints.tolist())
 
 
 def spent_outside(
@@ -160,8 +154,7 @@ def spent_outside(
     else:
         answer = client.plan("panda", start, goal, scene=body)
     clock, processor = time.perf_counter() - began, time.process_time() - spent
-    stages = 1e-3 * sum(stage.milliseconds for stage in answer.stages)
-    return Spent(clock, processor, answer.path.joints, stages)
+    return Spent(clock, processor, answer.path.joints)
 
 
 def bodies(kind: str) -> Callable[[], SceneBody | str | None]:
@@ -201,26 +194,18 @@ def measure(kind: str, client: Client, pid: int, robot: RobotGeometry, rounds: i
         server += spent.own
         workers += spent.below
     assert [one.path for one in inside] == [one.path for one in outside]
-    told = _clock_columns(inside, outside)
-    told.append(1e3 * server / len(outside))
-    told.append(1e3 * (workers - sum(one.processor for one in inside)) / len(outside))
+    here, there = (np.array([one.clock for one in part]) for part in (inside, outside))
+    # Motion by motion: they take different times.
+    medians = [np.median(there[k::MOTIONS]) - np.median(here[k::MOTIONS]) for k in range(MOTIONS)]
+    client_time = np.median([one.processor for one in outside])
+    worker = (workers - sum(one.processor for one in inside)) / len(outside)
+    told = 1e3 * np.array(
+        [np.median(here), np.median(there), np.median(medians), client_time,
+         server / len(outside), worker]
+    )  # fmt: skip
     return f"{kind:13}" + "".join(
         f"{value:{len(name) + 2}.2f}" for name, value in zip(_COLUMNS, told, strict=True)
     )
-
-
-def _clock_columns(inside: list[Spent], outside: list[Spent]) -> list[float]:
-    """The columns of a line that the clock of this process tells [ms]."""
-    here, there = (1e3 * np.array([one.clock for one in part]) for part in (inside, outside))
-    stages = 1e3 * np.array([one.stages for one in outside])
-    # Motion by motion: they take different times.
-    median, least = (
-        np.median([of(there[k::MOTIONS]) - of(here[k::MOTIONS]) for k in range(MOTIONS)])
-        for of in (np.median, np.min)
-    )
-    client = 1e3 * np.median([one.processor for one in outside])
-    return [float(np.median(here)), float(np.median(there)), float(median), float(least),
-            float(np.median(there - stages)), float(client)]  # fmt: skip
 
 
 def main() -> None:

@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 
 import httpx
 import numpy as np
+from scipy.stats import linregress
 
 from benchmarks.server.machines import local_server
 from tests.service.processes import alive, children
@@ -84,10 +85,8 @@ def growth(times: Sequence[float], values: Sequence[float]) -> Growth:
     x, y = np.array(times) / 3600.0, np.array(values)
     parts = zip(np.array_split(x, _PARTS), np.array_split(y, _PARTS), strict=True)
     at, mean = np.array([(a.mean(), b.mean()) for a, b in parts]).T
-    line = np.polynomial.Polynomial.fit(at, mean, 1)
-    rest = float(np.sum((mean - line(at)) ** 2)) / (_PARTS - 2)
-    error = float(np.sqrt(rest / np.sum((at - at.mean()) ** 2)))
-    return Growth(float(line.convert().coef[-1]), error, len(times))
+    line = linregress(at, mean)
+    return Growth(float(line.slope), float(line.stderr), len(times))
 
 
 @dataclass(slots=True)

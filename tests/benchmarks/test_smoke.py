@@ -38,6 +38,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
 #: Arguments of benchmarks that start a server.
 OF_SERVERS: Mapping[str, list[str]] = {
     "benchmarks.overhead": ["--rounds", "1", "--scenes", "none", "moveit"],
+    "benchmarks.server.overload": ["--clients", "4", "--seconds", "0.2"],
     "benchmarks.server.soak": [
         "--minutes", "0.02", "--clients", "2", "--rate", "50", "--kill-every", "0.4",
     ],
