@@ -11,18 +11,17 @@ import argparse
 import base64
 import json
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from statistics import median
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armwright_wire.robots.robot import RobotBody
 from benchmarks.judges.triangles import Triangles, scenery
 from benchmarks.problems.example_arms import ExampleArm, mesh_bytes, package
 from benchmarks.problems.mesh_scenes import own_scenes, reach_of
+from kinematics.arrays import Array
 from kinematics.forward import forward, link_poses
 from kinematics.ik.inverse import inverse_kinematics
 from kinematics.tree.description import MeshGeometry
@@ -37,8 +36,6 @@ from planning.problem import JointGoal, Problem
 from planning.result import Plan
 from service.translate.robots.robots import robot as uploaded
 
-Array = NDArray[np.float64]
-
 #: Scenes that each arm plans in, and problems in each.
 SCENES, PROBLEMS = 3, 2
 #: Configurations for round trips, and for verdicts.
@@ -51,6 +48,13 @@ STATES = 2000
 CLOSE = 1e-4
 #: Verdicts may differ for distances below this [m].
 BAND = 1e-6
+#: Heads of both tables.
+COLUMNS = (
+    "arm", "joints", "tip", "triangles", "upload", "free", "plans", "time", "IK", "verdicts",
+)  # fmt: skip
+SUSPECTED_COLUMNS = (
+    "arm", "suspected pairs", "free as it lies", "with `allow_suspected`", "with its SRDF",
+)  # fmt: skip
 BEGIN, END = "<!-- {}: begin -->", "<!-- {}: end -->"
 
 #: By name: the URDF in the package, and the tip where the tree has several arms.
@@ -98,54 +102,6 @@ SRDFS = {
 }
 
 
-@dataclass(frozen=True)
-class Row:
-    """Figures of one arm.
-
-    Args:
-        name: Of the arm.
-        joints: Of its chain.
-        tip: Where the chain ends.
-        triangles: Of all meshes that links collide with.
-        upload: Processor time of the upload [s].
-        free: Share of random configurations that are free.
-        plans: Solved plans and tried ones.
-        plan_time: Processor time of a plan, median and longest [s].
-        round_trips: Round trips that close, and tried ones.
-        verdicts: Verdicts that differ from FCL, and all of them.
-    """
-
-    name: str
-    joints: int
-    tip: str
-    triangles: int
-    upload: float
-    free: float
-    plans: tuple[int, int]
-    plan_time: tuple[float, float]
-    round_trips: tuple[int, int]
-    verdicts: tuple[int, int]
-
-
-@dataclass(frozen=True)
-class SuspectedRow:
-    """Shares of random configurations of an arm that are free of the robot itself.
-
-    Args:
-        name: Of the arm.
-        pairs: Suspected ones.
-        as_it_lies: Without an SRDF.
-        allowed: With ``allow_suspected``.
-        with_srdf: With the SRDF.
-    """
-
-    name: str
-    pairs: int
-    as_it_lies: float
-    allowed: float
-    with_srdf: float
-
-
 def request(name: str, **more: object) -> RobotBody:
     """The upload of an arm, with ``more`` fields."""
     urdf, tip = UPLOADS[name]
@@ -181,8 +137,8 @@ def configurations(robot: RobotGeometry, random: np.random.Generator) -> Iterato
         yield random.uniform(low, high)
 
 
-def measure(name: str) -> Row:
-    """Upload an arm and measure it."""
+def measure(name: str) -> list[str]:
+    """Upload an arm and measure it: the cells of `COLUMNS`."""
     body = request(name)
     began = time.process_time()
     robot, _ = uploaded(body)
@@ -204,16 +160,22 @@ def measure(name: str) -> Row:
             outcome = plan(Problem(robot, scene, start, goals), Options(timeout=20.0))
             if isinstance(outcome, Plan):
                 times.append(time.process_time() - began)
-    return Row(
-        name, robot.chain.n, robot.chain.tip_link,
-        sum(len(body.solid.faces) for body in judge.bodies), upload, free,
-        (len(times), tried), (median(times or [np.nan]), max(times or [np.nan])),
-        (round_trips(robot, drawn), ROUND_TRIPS), verdicts(robot, judge, around, drawn),
-    )  # fmt: skip
+    triangles = sum(len(body.solid.faces) for body in judge.bodies)
+    closed, (wrong, count) = round_trips(robot, drawn), verdicts(robot, judge, around, drawn)
+    return [
+        name, str(robot.chain.n), f"`{robot.chain.tip_link}`", f"{triangles:,}", f"{upload:.1f} s",
+        f"{free:.0%}", f"{len(times)} of {tried}",
+        f"{median(times or [np.nan]):.2f}, {max(times or [np.nan]):.2f} s",
+        f"{closed} of {ROUND_TRIPS}", f"{wrong} of {count}",
+    ]  # fmt: skip
 
 
-def measure_suspected(name: str) -> SuspectedRow:
-    """Upload an arm as it lies, with ``allow_suspected``, and with its SRDF."""
+def measure_suspected(name: str) -> list[str]:
+    """Upload an arm as it lies, with ``allow_suspected``, and with its SRDF.
+
+    Returns:
+        Cells of `SUSPECTED_COLUMNS`: shares of random configurations that are free of the robot.
+    """
     srdf = (package() / SRDFS[name]).read_text()
     robots = [
         uploaded(request(name, **more))[0]
@@ -223,8 +185,8 @@ def measure_suspected(name: str) -> SuspectedRow:
     for robot in robots:
         drawn = configurations(robot, np.random.default_rng(0))
         checker = Checker.of(robot, Scene())
-        shares.append(float(np.mean([checker.valid(next(drawn)) for _ in range(STATES)])))
-    return SuspectedRow(name, len(robots[0].suspected), *shares)
+        shares.append(f"{np.mean([checker.valid(next(drawn)) for _ in range(STATES)]):.0%}")
+    return [name, str(len(robots[0].suspected)), *shares]
 
 
 def free_ends(checker: Checker, drawn: Iterator[Array]) -> list[Array]:
@@ -261,30 +223,11 @@ def verdicts(
     return wrong, count
 
 
-def table(rows: list[Row]) -> str:
-    """The rows as Markdown."""
-    head = "| arm | joints | tip | triangles | upload | free | plans | time | IK | verdicts |"
-    return "\n".join([head, "|---|---|---|---|---|---|---|---|---|---|", *map(_line, rows)])
-
-
-def _line(row: Row) -> str:
-    return (
-        f"| {row.name} | {row.joints} | `{row.tip}` | {row.triangles:,} | {row.upload:.1f} s | "
-        f"{row.free:.0%} | {row.plans[0]} of {row.plans[1]} | "
-        f"{row.plan_time[0]:.2f}, {row.plan_time[1]:.2f} s | "
-        f"{row.round_trips[0]} of {row.round_trips[1]} | {row.verdicts[0]} of {row.verdicts[1]} |"
-    )
-
-
-def suspected_table(rows: list[SuspectedRow]) -> str:
-    """The rows as Markdown."""
-    head = "| arm | suspected pairs | free as it lies | with `allow_suspected` | with its SRDF |"
-    return "\n".join([head, "|---|---|---|---|---|", *map(_suspected_line, rows)])
-
-
-def _suspected_line(row: SuspectedRow) -> str:
-    shares = (row.as_it_lies, row.allowed, row.with_srdf)
-    return f"| {row.name} | {row.pairs} | " + " | ".join(f"{share:.0%}" for share in shares) + " |"
+def table(columns: tuple[str, ...], rows: Iterable[Sequence[str]]) -> str:
+    """Cells of rows as Markdown."""
+    rule = "|" + "---|" * len(columns)
+    head, *lines = ("| " + " | ".join(cells) + " |" for cells in (columns, *rows))
+    return "\n".join([head, rule, *lines])
 
 
 def _written(text: str, mark: str, lines: str) -> str:
@@ -298,32 +241,27 @@ def main() -> None:
     """Measure, print and perhaps write the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--arms", nargs="*", default=list(UPLOADS), choices=list(UPLOADS))
-    parser.add_argument("--suspected", nargs="*", choices=list(SRDFS), help="by default of --arms")
     parser.add_argument("--rows", type=Path, help="JSON of rows: kept, and not measured again")
     parser.add_argument("--write", type=Path, help="page whose tables are replaced")
     given = parser.parse_args()
     kept = json.loads(given.rows.read_text()) if given.rows and given.rows.is_file() else {}
-    suspected = [name for name in SRDFS if name in given.arms]
-    if given.suspected is not None:
-        suspected = given.suspected
-    work: dict[str, tuple[Callable[[str], Row | SuspectedRow], str]] = {}
+    work: dict[str, tuple[Callable[[str], list[str]], str]] = {}
     work |= {name: (measure, name) for name in given.arms}
-    work |= {f"suspected: {name}": (measure_suspected, name) for name in suspected}
+    touching = {name: f"suspected: {name}" for name in SRDFS}
+    work |= {touching[name]: (measure_suspected, name) for name in SRDFS if name in given.arms}
     for key, (make, name) in work.items():
         if key not in kept:
-            kept[key] = asdict(make(name))
+            kept[key] = make(name)
             print(key, kept[key], flush=True)
             if given.rows:
                 given.rows.write_text(json.dumps(kept))
-    arms = table([Row(**kept[name]) for name in UPLOADS if name in kept])
-    touching = suspected_table(
-        [SuspectedRow(**kept[key]) for name in SRDFS if (key := f"suspected: {name}") in kept]
-    )
+    arms = table(COLUMNS, (kept[name] for name in UPLOADS if name in kept))
+    suspected = table(SUSPECTED_COLUMNS, (kept[key] for key in touching.values() if key in kept))
     if given.write:
         text = given.write.read_text()
-        given.write.write_text(_written(_written(text, "arms", arms), "suspected", touching))
+        given.write.write_text(_written(_written(text, "arms", arms), "suspected", suspected))
     else:
-        print(arms, touching, sep="\n\n")
+        print(arms, suspected, sep="\n\n")
 
 
 if __name__ == "__main__":
