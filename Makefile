@@ -27,7 +27,7 @@ SEED ?= 1
 MARGINS ?= 0
 
 .DEFAULT_GOAL := help
-.PHONY: install demo studio studio-packages test check bench bench-timing bench-arms bench-verdict bench-mbm bench-course bench-http serve clients site wheels kernel-list \
+.PHONY: install demo studio studio-packages test check bench bench-timing bench-arms bench-verdict bench-mbm bench-course serve clients site wheels kernel-list \
 	docker-steps audit contract clean help
 
 install: $(KERNELS) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
@@ -115,10 +115,6 @@ bench-mbm: $(TOOLS)  ## Measure on MotionBenchMaker's: make bench-mbm PROBLEMS=d
 
 bench-course: $(TOOLS)  ## Sit the exam of the course's methods over HTTP
 	$(BIN)/python -m benchmarks.server.course_exam
-
-bench-http: $(TOOLS)  ## Measure what HTTP costs on some of them: make bench-http PROBLEMS=dir
-	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }
-	$(BIN)/python -m benchmarks.http $(PROBLEMS)
 
 serve: $(KERNELS)  ## Serve the API on HOST:PORT (127.0.0.1:8000)
 	$(BIN)/armwright serve --host $(HOST) --port $(PORT)

@@ -151,16 +151,7 @@ def test_every_file_of_data_is_shipped() -> None:
 
 def test_targets_of_the_makefile() -> None:
     wanted = ["install", "demo", "studio", "test", "check", "bench", "bench-timing", "bench-arms"]
-    wanted += [
-        "bench-verdict",
-        "bench-mbm",
-        "bench-course",
-        "bench-http",
-        "serve",
-        "clients",
-        "site",
-        "wheels",
-    ]
+    wanted += ["bench-verdict", "bench-mbm", "bench-course", "serve", "clients", "site", "wheels"]
     wanted += ["kernel-list", "docker-steps", "audit", "contract", "clean", "help"]
     dry = ["make", "-n", "PROBLEMS=problems", *wanted]
     # Run by make, make would say more: that it enters a folder, and what it was told.
