@@ -1,18 +1,15 @@
 """MotionBenchMaker problems for the Panda as values: the robot, and where it is to go in what."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import yaml
 
+from armwright.robot import load_robot
 from kinematics.arrays import Array
-from kinematics.tree.fingers import fingers
-from kinematics.tree.serial_chain import select, serial_chain
-from kinematics.tree.srdf import parse_srdf
-from kinematics.urdf.urdf import parse_urdf
-from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.moveit import scene_from_moveit
 from obstacles.scenes.scene import Obstacle, Scene
 from planning.problem import JointGoal, Problem
@@ -62,18 +59,8 @@ def scene_at_root(text: str) -> Scene:
 
 def panda(folder: Path) -> RobotGeometry:
     """The robot as it lies in the folder, with the data sheet's accelerations."""
-    description = parse_urdf((folder / "panda.urdf").read_text())
-    semantics = parse_srdf((folder / "panda.srdf").read_text())
-    names = [f"panda_joint{i}" for i in range(1, 8)]
-    extra = {name: {"acceleration": a} for name, a in zip(names, ACCELERATION, strict=True)}
-    chain = serial_chain(description, semantics=semantics, joint_limits=extra)
-    meshes = {
-        f"package://{path.relative_to(folder)}": path.read_bytes()
-        for path in sorted((folder / "meshes").rglob("*.obj"))
-    }
-    robot = robot_geometry(chain, description, meshes, semantics)
-    chosen = select(description, semantics=semantics)
-    return replace(robot, fingers=fingers(description, chosen, semantics))
+    limits = {f"panda_joint{i}": {"acceleration": a} for i, a in enumerate(ACCELERATION, 1)}
+    return load_robot(folder / "panda.urdf", srdf=folder / "panda.srdf", joint_limits=limits)
 
 
 def cases(folder: Path, names: tuple[str, ...], every: int) -> Iterator[Case]:

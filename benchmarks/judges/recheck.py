@@ -3,6 +3,7 @@
 Robot kinematics by pinocchio, meshes by trimesh, the scene straight from its YAML text.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,15 +34,26 @@ class Scenery:
 class Finding:
     """What a dense look at a motion found."""
 
-    colliding: tuple[str, str, float] | None
+    colliding: tuple[str, str] | None
     limit_ratio: float
     samples: int
 
+    @property
+    def clean(self) -> bool:
+        """Whether nothing collides and no limit is exceeded."""
+        return self.colliding is None and self.limit_ratio <= 1.0 + 1e-9
+
 
 class Recheck:
-    """A URDF robot with its SRDF in MoveIt scenes."""
+    """A URDF robot with its SRDF in MoveIt scenes.
 
-    def __init__(self, folder: Path) -> None:
+    Args:
+        folder: Folder of the robot.
+        acceleration: Limits of the joints, shape (n,) [rad/s^2].
+    """
+
+    def __init__(self, folder: Path, acceleration: Sequence[float]) -> None:
+        self._acceleration = np.array(acceleration)
         urdf = (folder / "panda.urdf").read_text()
         self.model = pinocchio.buildModelFromXML(urdf)
         self.data = self.model.createData()
@@ -91,7 +103,7 @@ class Recheck:
         manager.setup()
         return Scenery(objects, manager)
 
-    def collision(self, q: Array, scene: Scenery) -> tuple[str, str, float] | None:
+    def collision(self, q: Array, scene: Scenery) -> tuple[str, str] | None:
         """The first colliding pair at q, or None."""
         pinocchio.framesForwardKinematics(self.model, self.data, q)
         for _, frame, T, body in self.bodies:
@@ -102,12 +114,12 @@ class Recheck:
                 hit = fcl.CollisionData()
                 scene.manager.collide(body, hit, fcl.defaultCollisionCallback)
                 if hit.result.is_collision:
-                    return name, self._first_hit(body, scene), 0.0
+                    return name, self._first_hit(body, scene)
         request = fcl.CollisionRequest()
         for i, j in self.pairs:
             (name, _, _, body), (other, _, _, second) = self.bodies[i], self.bodies[j]
             if fcl.collide(body, second, request, fcl.CollisionResult()):
-                return name, other, 0.0
+                return name, other
         return None
 
     @staticmethod
@@ -120,9 +132,7 @@ class Recheck:
         )
         return next(hits, "the scene")
 
-    def motion(
-        self, breaks: Array, coefficients: Array, acceleration: Array, scene: Scenery
-    ) -> Finding:
+    def motion(self, breaks: Array, coefficients: Array, scene: Scenery) -> Finding:
         """Look at a piecewise polynomial motion every milliradian."""
         worst, colliding, samples = 0.0, None, 0
         lower, upper = self.model.lowerPositionLimit, self.model.upperPositionLimit
@@ -141,7 +151,7 @@ class Recheck:
             q = t[:, None] ** powers @ c
             v = t[:, None] ** powers[:-1] @ first
             a = t[:, None] ** powers[:-2] @ second
-            ratios = [np.abs(v).max(0) / velocity, np.abs(a).max(0) / acceleration]
+            ratios = [np.abs(v).max(0) / velocity, np.abs(a).max(0) / self._acceleration]
             worst = max(worst, *(float(ratio.max()) for ratio in ratios))
             outside = float(np.maximum(q.max(0) - upper, lower - q.min(0)).max())
             worst = max(worst, 1.0 + outside if outside > 0.0 else 0.0)

@@ -142,7 +142,7 @@ def main() -> None:
     parser.add_argument("--sscbirrt", type=Path, help="the Python in which sscbirrt is installed")
     asked = parser.parse_args()
     folder = asked.problems.parent.parent / "panda"
-    robot, recheck = panda(folder), Recheck(folder)
+    robot, recheck = panda(folder), Recheck(folder, ACCELERATION)
     tasks, truths = [], []
     for case in cases(asked.problems, robot.chain.joint_names, asked.every):
         truth = recheck.scene(case.text)
@@ -200,8 +200,7 @@ def _is_clean(found: Answer, recheck: Recheck, truth: Scenery) -> bool:
     if found.motion is None:
         assert found.path is not None
         return clean(found.path, recheck, truth)
-    finding = recheck.motion(*found.motion, np.array(ACCELERATION), truth)
-    return finding.colliding is None and finding.limit_ratio <= 1.0 + 1e-9
+    return recheck.motion(*found.motion, truth).clean
 
 
 def compare_motions(

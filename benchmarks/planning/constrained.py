@@ -10,7 +10,7 @@ slab of a centimetre through start and goal; "fixed", the orientation within 0.0
 solved is tried again without obstacles for ten times as long: where even that finds no way, start
 and goal lie in parts of the allowed set that nothing was found to join ("apart").
 
-Solved is what took at most ``--within`` seconds of processor time. Every motion is looked at by
+Solved is what took at most five seconds of processor time. Every motion is looked at by
 ``benchmarks.judges.recheck`` every milliradian, and its constraint by pinocchio's frames every half
 milliradian.
 """
@@ -53,6 +53,8 @@ SLAB, TURN = 0.005, 0.05
 #: How far from the given ones start and goal may be [m], and what they keep from obstacles [m].
 _NEAR, _CLEAR = (0.01, 0.1, 0.2, 0.4), 0.003
 _STEP = 5e-4
+#: Time that a plan may take by the clock, and of a processor to count as solved [s].
+TIMEOUT, WITHIN = 15.0, 5.0
 
 
 @dataclass
@@ -138,32 +140,20 @@ def _samples(trajectory: Trajectory) -> Iterator[Array]:
         yield from times[:, None] ** np.arange(len(c)) @ c
 
 
-@dataclass(frozen=True)
-class Asked:
-    """How a run is made: kind of constraint and goal, every n-th problem, times [s] and seed."""
-
-    kind: str
-    goal: str
-    every: int
-    timeout: float
-    within: float
-    seed: int
-
-
 class Bench:
     """Makes, plans and re-checks every problem."""
 
-    def __init__(self, folder: Path, asked: Asked) -> None:
-        robot_folder = folder.parent.parent / "panda"
-        self._folder, self._asked = folder, asked
-        self._robot, self._recheck = panda(robot_folder), Recheck(robot_folder)
+    def __init__(self, asked: argparse.Namespace) -> None:
+        robot_folder = asked.problems.parent.parent / "panda"
+        self._asked = asked
+        self._robot, self._recheck = panda(robot_folder), Recheck(robot_folder, ACCELERATION)
         self._dense = Dense(self._recheck, self._robot.chain.tip_link)
         self._warm = False
 
     def run(self) -> dict[str, Tally]:
         """One tally a kind of scene."""
         tallies: dict[str, Tally] = {}
-        for case in cases(self._folder, self._robot.chain.joint_names, self._asked.every):
+        for case in cases(self._asked.problems, self._robot.chain.joint_names, self._asked.every):
             tally = tallies.setdefault(case.kind, Tally())
             scene = scene_at_root(case.text)
             found = constrained_problem(self._asked.kind, self._robot, scene, case.start, case.goal)
@@ -184,16 +174,16 @@ class Bench:
         if self._asked.goal == "pose":
             goal = PoseGoal(forward(self._robot.chain, last))
         problem = Problem(self._robot, scene, first, (goal,), constraints=wanted)
-        options = Options(timeout=self._asked.timeout, seed=self._asked.seed)
+        options = Options(timeout=TIMEOUT)
         if not self._warm:
             plan(problem, options)
             self._warm = True
         began = time.process_time()
         answer = plan(problem, options)
         spent = time.process_time() - began
-        if isinstance(answer, Failure) or spent > self._asked.within:
+        if isinstance(answer, Failure) or spent > WITHIN:
             empty = replace(problem, scene=Scene(()))
-            alone = plan(empty, replace(options, timeout=10.0 * self._asked.within))
+            alone = plan(empty, replace(options, timeout=10.0 * WITHIN))
             apart = isinstance(alone, Failure)
             tally.apart += apart
             why = answer.code if isinstance(answer, Failure) else "took"
@@ -205,13 +195,9 @@ class Bench:
         tally.bounds.append(answer.certificate.path_constraints[0].residual)
         tally.dense.append(self._dense.worst(answer.trajectory, constraint))
         tally.violating += tally.dense[-1] > max(1e-6, tally.bounds[-1])
-        self._look_again(case, answer.trajectory, tally)
-
-    def _look_again(self, case: Case, motion: Trajectory, tally: Tally) -> None:
-        scenery = self._recheck.scene(case.text)
-        limits = np.array(ACCELERATION)
-        seen = self._recheck.motion(motion.breaks, motion.coefficients, limits, scenery)
-        tally.unclean += seen.colliding is not None or seen.limit_ratio > 1.0 + 1e-9
+        motion, truth = answer.trajectory, self._recheck.scene(case.text)
+        seen = self._recheck.motion(motion.breaks, motion.coefficients, truth)
+        tally.unclean += not seen.clean
 
 
 def report(tallies: dict[str, Tally]) -> None:
@@ -238,13 +224,7 @@ def main() -> None:
     parser.add_argument("--kind", choices=("upright", "plane", "fixed"), default="upright")
     parser.add_argument("--every", type=int, default=1, help="take every n-th problem of a kind")
     parser.add_argument("--goal", choices=("joints", "pose"), default="joints")
-    parser.add_argument("--timeout", type=float, default=15.0, help="by the clock [s]")
-    parser.add_argument("--within", type=float, default=5.0, help="of processor time [s]")
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    given = vars(asked)
-    folder = given.pop("problems")
-    report(Bench(folder, Asked(**given)).run())
+    report(Bench(parser.parse_args()).run())
 
 
 if __name__ == "__main__":

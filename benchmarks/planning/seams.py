@@ -14,6 +14,7 @@ python-fcl for collisions, at times that are no multiple of anything.
 import argparse
 import time
 from collections import Counter
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -142,6 +143,28 @@ def _waypoint(point: Array, out: Array, along: Array) -> SeamWaypoint:
     return SeamWaypoint(transform(np.column_stack([x, np.cross(-out, x), -out]), point))
 
 
+def problems(
+    name: str, arm: Arm, count: int, length: float | None = None
+) -> Iterator[tuple[Problem, SeamOptions]]:
+    """Problems of seams past a post, shapes and tolerances in turn.
+
+    Args:
+        name: Name of the arm.
+        arm: Arm that follows them.
+        count: Number of the seams.
+        length: Length of all seams [m]; 0.3 m to 0.5 m, as it comes, if None.
+    """
+    place = [0.45, 0.45, 0.4] if length is None else [0.0, 0.6, 0.4]
+    scene = Scene((Obstacle("post", Cylinder(0.03, 0.8), transform(None, place)),))
+    random, start = np.random.default_rng(7), np.array(STARTS[name])
+    for k in range(count):
+        points = seam(SHAPES[k % len(SHAPES)], random, length)
+        tolerance = ToolTolerance.of({}, ("rz",), np.radians(5.0 if k % 2 else 15.0))
+        goal = PoseGoal(points[-1].T_base_tip)
+        asked = SeamOptions(points, tolerance, tool_speed=SPEED)
+        yield Problem(arm.robot, scene, start, (goal,)), asked
+
+
 def judge(arm: Arm, scene: Scene, waypoints: tuple[SeamWaypoint, ...], answer: Plan) -> Verdict:
     """Distance and tilt of the tool along a seam, and collisions of the whole motion."""
     fcl, motion = FclJudge(arm.robot, scene), answer.trajectory
@@ -175,28 +198,13 @@ def main() -> None:
     parser.add_argument("--length", type=float, help="of all seams [m]")
     chosen = parser.parse_args()
     for name in chosen.arms:
-        arm = load(name)
-        place = [0.45, 0.45, 0.4] if chosen.length is None else [0.0, 0.6, 0.4]
-        scene = Scene((Obstacle("post", Cylinder(0.03, 0.8), transform(None, place)),))
-        random, count = np.random.default_rng(7), chosen.seams * len(SHAPES)
-        asked = [
-            SeamOptions(
-                seam(SHAPES[k % len(SHAPES)], random, chosen.length),
-                ToolTolerance.of({}, ("rz",), np.radians(5.0 if k % 2 else 15.0)),
-                tool_speed=SPEED,
-            )
-            for k in range(count)
-        ]
-        _measure(name, arm, scene, asked)
+        _measure(name, chosen.seams * len(SHAPES), chosen.length)
 
 
-def _measure(name: str, arm: Arm, scene: Scene, seams: list[SeamOptions]) -> None:
-    start = np.array(STARTS[name])
-    times, shares, unclean = [], [], 0
+def _measure(name: str, count: int, length: float | None) -> None:
+    arm, times, shares, unclean = load(name), [], [], 0
     reasons: Counter[str] = Counter()
-    for asked in seams:
-        goal = PoseGoal(asked.waypoints[-1].T_base_tip)
-        problem = Problem(arm.robot, scene, start, (goal,))
+    for problem, asked in problems(name, arm, count, length):
         how = CartesianOptions(seam=asked)
         began, computed = time.perf_counter(), time.process_time()
         answer = plan(problem, Options(planner="cartesian", cartesian=how, timeout=20.0))
@@ -207,13 +215,10 @@ def _measure(name: str, arm: Arm, scene: Scene, seams: list[SeamOptions]) -> Non
         times.append(taken)
         assert answer.certificate.tool_speed is not None
         shares.append(answer.certificate.tool_speed.share)
-        verdict = judge(arm, scene, asked.waypoints, answer)
+        verdict = judge(arm, problem.scene, asked.waypoints, answer)
         tilted = verdict.tilt > asked.tolerance.tilt + ORIENTATION
         unclean += verdict.away > POSITION or tilted or verdict.collides
-    print(
-        f"{name}: {len(times)} of {len(seams)} followed, {unclean} unclean, "
-        f"failures {dict(reasons)}"
-    )
+    print(f"{name}: {len(times)} of {count} followed, {unclean} unclean, failures {dict(reasons)}")
     if times:
         wall, processor = 1e3 * np.array(times).T
         print(

@@ -1,9 +1,9 @@
 """MotionBenchMaker problems for the Panda with provable stops: how many are slowed, by how much?
 
-    python -m benchmarks.planning.stops ../data/mbm/panda [--every 10] [--jerk 100]
+    python -m benchmarks.planning.stops ../data/mbm/panda [--every 10]
 
 Reads the problems as ``benchmarks.mbm`` does. Joints brake with the data sheet's accelerations
-and a jerk of so many of them a second.
+and a jerk of a hundred of them a second.
 """
 
 import argparse
@@ -16,19 +16,19 @@ from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.result import Plan
 
+#: Limit of the jerk in accelerations a second [1/s].
+JERK = 100.0
+
 
 def main() -> None:
     """Plan each problem with stops and print what they cost."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--every", type=int, default=10)
-    parser.add_argument("--jerk", type=float, default=100.0)
-    parser.add_argument("--kind", default="joints", choices=("path", "joints", "both"))
     given = parser.parse_args()
     robot = panda(given.folder.parents[1] / "panda")
-    options = Options(
-        stops=given.kind, timeout=20.0, limits={"jerk": given.jerk * np.array(ACCELERATION)}
-    )
+    limits = {"jerk": JERK * np.array(ACCELERATION)}
+    options = Options(stops="joints", timeout=20.0, limits=limits)
     factors, seconds, milliseconds, refused = [], [], [], 0
     for case in cases(given.folder, robot.chain.joint_names, given.every):
         answer = plan(case.problem(robot, 0.0), options)

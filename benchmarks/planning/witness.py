@@ -10,16 +10,13 @@ checkers; times are processor time of this process, of the checker in C of its w
 
 ``--mutations`` changes that many of these witnesses, each in a way of ``tests.planning.witness``,
 and asks both checkers. Balls are the oracle: a change that they accept is harmless, as where other
-facts cover what one did. What C accepts and balls don't is printed, and must not be. What a
-change leaves as it was is not checked on balls again: the same numbers give the same bounds.
+facts cover what one did. What C accepts and balls don't is printed, and must not be.
 ``--share 3/20`` takes the third of twenty parts of everything, for long runs in pieces.
 """
 
 import argparse
 import base64
 import copy
-import functools
-import marshal
 import resource
 import subprocess
 import sys
@@ -33,20 +30,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from armwright.robot import load_robot
 from benchmarks.mbm_problems import cases, panda
 from benchmarks.planning import seams
-from kinematics.pose import transform
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.tree.srdf import parse_srdf
-from kinematics.urdf.urdf import parse_urdf
-from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scenes.scene import Obstacle, Scene
-from obstacles.shapes.shape import Cylinder
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.options import CartesianOptions, Options
 from planning.pipeline.pipeline import plan
-from planning.problem import PoseGoal, Problem
+from planning.problem import Problem
 from planning.result import Plan
-from planning.tool_motions.tool_tolerance import SeamOptions, ToolTolerance
 from planning.witness.witness import witness
 from tests.course.in_process import service_in_process
 from tests.planning.witness.problems import ROOT, checker, compact, rejected
@@ -147,17 +138,9 @@ class Checkers:
 
 def other_arm(name: str, folder: Path) -> RobotGeometry:
     """A UR5 or a Fetch as it lies in the folder."""
-    description = parse_urdf((folder / f"{name}.urdf").read_text())
-    semantics = parse_srdf((folder / f"{name}.srdf").read_text())
-    chain = serial_chain(description, tip_link=TIPS[name], semantics=semantics)
-    limits = {joint: {"acceleration": ACCELERATION} for joint in chain.joint_names}
-    chain = serial_chain(description, tip_link=TIPS[name], semantics=semantics, joint_limits=limits)
-    meshes = {
-        f"package://{path.relative_to(folder)}": path.read_bytes()
-        for path in sorted((folder / "meshes").rglob("*"))
-        if path.is_file()
-    }
-    return robot_geometry(chain, description, meshes, semantics)
+    limits, semantics = {"*": {"acceleration": ACCELERATION}}, folder / f"{name}.srdf"
+    urdf = folder / f"{name}.urdf"
+    return load_robot(urdf, srdf=semantics, tip_link=TIPS[name], joint_limits=limits)
 
 
 def problems(robot: RobotGeometry, folder: Path, every: int) -> Iterator[Case]:
@@ -168,16 +151,10 @@ def problems(robot: RobotGeometry, folder: Path, every: int) -> Iterator[Case]:
 
 def seam_problems(count: int) -> Iterator[Case]:
     """Seams of all arms of that benchmark."""
-    scene = Scene((Obstacle("post", Cylinder(0.03, 0.8), transform(None, [0.45, 0.45, 0.4])),))
-    for name, start in seams.STARTS.items():
-        arm, random = seams.load(name), np.random.default_rng(7)
-        for k in range(count):
-            points = seams.seam(seams.SHAPES[k % len(seams.SHAPES)], random)
-            tolerance = ToolTolerance.of({}, ("rz",), np.radians(5.0 if k % 2 else 15.0))
-            asked = SeamOptions(points, tolerance, tool_speed=seams.SPEED)
-            goal = PoseGoal(points[-1].T_base_tip)
+    for name in seams.STARTS:
+        for problem, asked in seams.problems(name, seams.load(name), count):
             options = Options(planner="cartesian", cartesian=CartesianOptions(seam=asked))
-            yield Case(name, Problem(arm.robot, scene, np.array(start), (goal,)), options)
+            yield Case(name, problem, options)
 
 
 def measure(table: Table, chosen: Iterator[Case], checkers: Checkers, kept: list[bytes]) -> None:
@@ -242,46 +219,11 @@ def measure_tasks(
                 checkers.look(table, content, (0.0, 0.0), facts)
 
 
-class Memory:
-    """Makes the checker on balls check the same numbers once: its parts, and gaps of facts."""
-
-    def __init__(self) -> None:
-        self.known, module = dict[Any, Any](), checker()
-        module.Cell.gap, module.Motion.check = map(
-            self.once, (module.Cell.gap, module.Motion.check)
-        )
-        for name in ("Body", "Solid", "Motion", "Cell"):
-            setattr(module, name, self.once(getattr(module, name)))
-
-    def once(self, function: Any) -> Any:
-        """The function, its answers kept."""
-
-        @functools.wraps(function)
-        def kept(*given: Any) -> Any:
-            asked = function.__qualname__, marshal.dumps([plain(value) for value in given])
-            if asked not in self.known:
-                self.known[asked] = function(*given)
-            return self.known[asked]
-
-        return kept
-
-
-def plain(value: Any) -> Any:
-    """What tells an argument apart: numbers of the file, else the object that is kept."""
-    if isinstance(value, dict) and "polynomials" in value:
-        return [value[k] for k in ("knots", "polynomials", "limits", "start", "goal")]
-    if isinstance(value, checker().arb):
-        return float(value)
-    if isinstance(value, list):
-        return [plain(item) for item in value]
-    return value if isinstance(value, int | float | dict | None) else id(value)
-
-
 def mutate(kept: list[bytes], count: int, checkers: Checkers, seed: int) -> None:
     """Change witnesses, and compare what both checkers say."""
     random = np.random.default_rng(seed)
     documents = [checker().read(content) for content in kept[:: -(-len(kept) // MOST_CHANGED)]]
-    verdicts, memory = Counter[tuple[str, bool, bool]](), Memory()
+    verdicts = Counter[tuple[str, bool, bool]]()
     for k in range(count):
         document, change = documents[k // 12 % len(documents)], MUTATIONS[k % len(MUTATIONS)]
         mutant = copy.deepcopy(document)
@@ -293,7 +235,7 @@ def mutate(kept: list[bytes], count: int, checkers: Checkers, seed: int) -> None
         verdicts[change.__name__, in_c, on_balls] += 1
         if in_c and not on_balls:
             print(f"ACCEPTED BY C ALONE: {change.__name__} of document {k % len(documents)}")
-    print(f"mutations (accepted by C, by balls) of {len(documents)}, {len(memory.known)} parts:")
+    print(f"mutations (accepted by C, by balls) of {len(documents)}:")
     for (name, in_c, on_balls), number in sorted(verdicts.items()):
         print(f"  mutation {name} {in_c} {on_balls} {number}")
 
