@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,11 +27,11 @@ class Checker(checker.Checker):
 
     @classmethod
     @typed
-    def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> "Checker":
+    def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> Self:
         """The checker of a robot in a scene, ``margin`` [m] to be kept from its obstacles."""
         if not 0.0 <= margin < math.inf:
             raise InvalidOption(f"margin is {margin}", hint="Give 0 or more [m].")
-        return cls(checker.collision_model(robot, scene, margin))
+        return super().of(robot, scene, margin)
 
     def clearance(self, q: ArrayLike) -> tuple[float, tuple[str, str] | None]:
         """As there."""

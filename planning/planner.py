@@ -102,11 +102,6 @@ class Query:
     explored: Explored | None = None
     proves: bool = True
 
-    @property
-    def exact(self) -> bool:
-        """Whether the checker has the robot's exact solids, not their hulls."""
-        return self.checker is self.ready.checkers[-1]
-
 
 class Planner(Protocol):
     """Finds a path; its options are checked where it is made."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,11 +109,6 @@ class Bracket(NamedTuple):
     flagged: tuple[tuple[str, str], ...]
 
 
-def collision_model(robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> CollisionModel:
-    """``CollisionModel``."""
-    return CollisionModel(robot, scene, margin)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Checker:
     """Answers for one robot in one scene.
@@ -127,9 +122,9 @@ class Checker:
     slack: float = 0.0
 
     @classmethod
-    def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> "Checker":
+    def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> Self:
         """The checker of a robot in a scene, ``margin`` [m] to be kept from its obstacles."""
-        return cls(collision_model(robot, scene, margin))
+        return cls(CollisionModel(robot, scene, margin))
 
     def clearance(self, q: Array) -> tuple[float, tuple[str, str] | None]:
         """Distance of the closest pair, margins taken off [m], and the pair.

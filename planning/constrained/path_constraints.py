@@ -7,7 +7,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal
-from obstacles.collision.checker import Checker, collision_model
+from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.ik import goal_configurations
@@ -109,7 +109,7 @@ def _without_obstacles(checker: ConstrainedChecker) -> ConstrainedChecker | None
     model = checker.model
     if not model.scene.ids:
         return None
-    return replace(checker, model=collision_model(model.robot, Scene(())))
+    return replace(checker, model=Checker.of(model.robot, Scene(())).model)
 
 
 def _worst_residual(constraint: ConstraintSet, path: Array) -> tuple[float, str]:

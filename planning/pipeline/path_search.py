@@ -242,7 +242,7 @@ class PathSearch:
         checker, path = found.levels[-1], found.waypoints
         return self.stages.run(
             "path_proof",
-            lambda: path_is_free(checker, path),
+            partial(path_is_free, checker, path),
             lambda free: _describe_proof(path, free=free),
         )
 

@@ -25,7 +25,7 @@ def check_start(problem: Problem, checker: Checker | None = None) -> ValidStart 
         problem: The robot, the scene and the start.
         checker: Of the exact robot in the scene, where there is one already.
     """
-    checker = checker or _exact_checker(problem)
+    checker = checker or Checker.of(problem.robot, problem.scene, problem.margin)
     tolerance = problem.start_state_tolerance
     start, violation = snap_to_limits(problem.robot.chain, problem.start, tolerance)
     if violation is not None:
@@ -61,7 +61,7 @@ def preflight(
         costs: By which configurations of poses are chosen; the default ones where None.
     """
     hulls = _hulls_checker(problem)
-    exact = _exact_checker(problem)
+    exact = Checker.of(problem.robot, problem.scene, problem.margin)
     late = _pack(hulls or exact, deadline)
     if late is not None:
         return late
@@ -115,10 +115,6 @@ def _pack(checker: Checker, deadline: Deadline | None) -> Failure | None:
         "preflight",
         details={"seconds": spent},
     )
-
-
-def _exact_checker(problem: Problem) -> Checker:
-    return Checker.of(problem.robot, problem.scene, problem.margin)
 
 
 def _hulls_checker(problem: Problem) -> Checker | None:

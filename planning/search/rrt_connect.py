@@ -30,7 +30,6 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from compiled.kernel import directly
-from compiled.random import State
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker, Motion
 from planning.planner import Planner, Query
@@ -169,7 +168,7 @@ class TreePairs:
             max(len(self.roots), _MOST_GOALS if self.more_goals else 0),
             checker.model.robot.chain.n,
             _NODES_A_WALK * budget if walks else budget,
-            self._random(),
+            np.array(_random_state(self.seed, self.runs), np.uint64),
         )
         draws, until = self._draws(options), 0
         while True:
@@ -199,9 +198,6 @@ class TreePairs:
         goal = more_goals(trees.points[0, node], len(self.roots) - 1)
         if goal is not None:
             self.roots = np.vstack([self.roots, goal])
-
-    def _random(self) -> State:
-        return np.array(_random_state(self.seed, self.runs), np.uint64)
 
     def _draws(self, options: PairOptions) -> Draws:
         roots, guide, chain = self.roots, options.guide, self.checker.model.robot.chain
@@ -342,9 +338,8 @@ class RrtConnect:
 
     def plan(self, query: Query) -> Attempt:
         """Grow the trees, and let the fallback go on where they do not meet."""
-        ready, max_edges = query.ready, self.max_edges
-        if not query.exact:
-            max_edges = self.max_edges_in_hulls
+        ready, is_exact = query.ready, query.checker is query.ready.checkers[-1]
+        max_edges = self.max_edges if is_exact else self.max_edges_in_hulls
         bounds = [bound for bound in (query.max_edges, query.bound) if bound is not None]
         max_edges = min([max_edges, *bounds])
         result = rrt_connect(
@@ -360,7 +355,7 @@ class RrtConnect:
         detail = f"{result.edges} edges checked"
         detail += "." if result.runs == 1 else f" in {result.runs} runs."
         is_short = len(bounds) > 0
-        if result.waypoints is not None or query.deadline.passed or is_short or not query.exact:
+        if result.waypoints is not None or query.deadline.passed or is_short or not is_exact:
             return Attempt(result.waypoints, detail, proved=query.proves)
         other = self.fallback.plan(query)
         return replace(other, detail=f"{detail} OMPL: {other.detail}")

@@ -1,6 +1,6 @@
 """Costs by which one of several goal configurations is chosen."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from math import isfinite
 from typing import Literal
 
@@ -30,6 +30,8 @@ class PreferredClearance:
     """
 
     obstacles: float = DEFAULT_PREFERRED
+    #: Between the robot's own links [m].
+    own_links: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.obstacles <= MAX_PREFERRED:
@@ -37,13 +39,9 @@ class PreferredClearance:
                 f"clearance.preferred must be from 0 to {MAX_PREFERRED:g} m",
                 hint="Two centimetres are usual; 0 prefers no distance.",
             )
-
-    @property
-    def own_links(self) -> float:
-        """Between the robot's own links [m]."""
-        # Preferred distance between the robot's own links, as a part of that from obstacles, and at
-        # most [m]: a wrist's links are built 10 to 25 mm apart.
-        return min(0.25 * self.obstacles, 0.005)
+        # A part of the distance from obstacles, and at most so much [m]: a wrist's links are built
+        # 10 to 25 mm apart.
+        object.__setattr__(self, "own_links", min(0.25 * self.obstacles, 0.005))
 
 
 @dataclass(frozen=True, slots=True)

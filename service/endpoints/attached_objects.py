@@ -60,7 +60,8 @@ class RobotInScene:
 
         It is for kinematics and constraints: proofs know held objects as those that are no links.
         """
-        return with_frames(self.robot.chain, (item.frame for item in self.held))
+        chain = self.robot.chain
+        return with_frames(chain, (item.frame for item in self.held)) if self.held else chain
 
     @property
     def pairs(self) -> list[dict[str, Any]]:

@@ -72,8 +72,11 @@ def certificate_answer(
         "verified": certificate.verified,
         "proved": asdict(certificate.proved) | {"reasons": list(certificate.proved.reasons)},
         "premises": premises_answer(certificate.premises, scene),
-        **picked(certificate, "min_clearance", "clearance_pair", "min_obstacle_clearance"),
-        **picked(certificate, "min_self_clearance", "method"),
+        "min_clearance": certificate.min_clearance,
+        "clearance_pair": certificate.clearance_pair,
+        "min_obstacle_clearance": certificate.min_obstacle_clearance,
+        "min_self_clearance": certificate.min_self_clearance,
+        "method": certificate.method,
         "limits": {
             name: {"worst_ratio": use.worst_ratio, "joint": use.joint, "time": use.time + begins}
             for name, use in certificate.limits.items()

@@ -221,8 +221,10 @@ def _refine(body: schema.Refine | bool | None) -> RefineOptions | None:
 
 def stages_answer(stages: Sequence[StageReport]) -> list[dict[str, Any]]:
     """Reports of the stages on the wire."""
-    names = ("name", "outcome", "milliseconds")
-    return [picked(stage, *names) | {"detail": stage.detail or None} for stage in stages]
+    return [
+        {"name": name, "outcome": outcome, "milliseconds": spent, "detail": detail or None}
+        for name, outcome, spent, detail, _ in stages
+    ]
 
 
 def plain(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -64,7 +64,7 @@ def given_limits(body: LimitsBody | None, joint_names: Sequence[str]) -> dict[st
     Raises:
         InvalidOption: A limit is not positive, or their number is wrong.
     """
-    rows = {name: None if body is None else getattr(body, name) for name in _QUANTITIES}
+    rows = {} if body is None else {name: getattr(body, name) for name in _QUANTITIES}
     return {
         name: given_limit(row, name, joint_names) for name, row in rows.items() if row is not None
     }

@@ -278,7 +278,9 @@ def _sections(
     durations, coefficients = [np.zeros(1)], []
     stops = [0, *path.corners, len(path.lengths)]
     for first, last in itertools.pairwise(stops):
-        section = JointPath(path.coefficients[first:last], path.lengths[first:last])
+        section = path
+        if len(stops) > 2:
+            section = JointPath(path.coefficients[first:last], path.lengths[first:last])
         ends = (speeds[0] if first == 0 else 0.0, speeds[1] if last == stops[-1] else 0.0)
         straight = last == first + 1 and not section.coefficients[:, :, 2:].any()
         if straight and extra is None:

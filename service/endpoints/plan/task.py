@@ -372,8 +372,8 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
             body, cell.robot, cell.scene, deterministic=planned.deterministic
         ),
         "fraction": planned.fraction,
-        "tool_motions": (tool_motions_answer(planned.tool_motions) if cartesian else None),
-        "reference": reference_answer(cell.robot.chain, planned, body.seed),
+        "tool_motions": tool_motions_answer(planned.tool_motions) if cartesian else None,
+        "reference": reference_answer(cell.robot.chain, planned, body.seed) if cartesian else None,
         "stopped": None if planned.stopped is None else problems.plain(planned.stopped),
         "notes": list(planned.notes),
         "potential_field": None if planned.descent is None else _descent(planned.descent),

@@ -12,7 +12,7 @@ from scipy.optimize import fmin_slsqp
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState
 from kinematics.forward import forward
-from obstacles.collision.checker import Checker, collision_model
+from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
 from planning.constrained import ik
@@ -208,7 +208,7 @@ WANTED = ConstraintSet(
         PositionConstraint(SphereRegion(HOME_POSE[:3, 3], 0.05)),
     ),
 )
-MODEL = search_arrays(collision_model(ROBOT, pillar(0.45, 0.25)), 1e-6)
+MODEL = search_arrays(Checker.of(ROBOT, pillar(0.45, 0.25)).model, 1e-6)
 GOAL = make_goal(WANTED, HOME + 0.4, np.ones(7))
 
 

@@ -11,7 +11,7 @@ from scipy.optimize import OptimizeResult, linprog, minimize, nnls
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.model.dh import DhRow, DhTable, chain_from_dh
-from obstacles.collision.checker import Checker, collision_model
+from obstacles.collision.checker import Checker
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import (
     ConeConstraint,
@@ -147,7 +147,7 @@ def test_a_wish_is_met_nearly_as_far_as_scipy_finds_that_the_constraints_let_it(
 
 
 def test_it_comes_out_of_an_obstacle_with_headroom() -> None:
-    model = collision_model(ROBOT, pillar(0.0, 0.4))
+    model = Checker.of(ROBOT, pillar(0.0, 0.4)).model
     checker = Checker(model)
     assert not checker.valid(HOME)
     asked = make_goal(held(), HOME, np.ones(7))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.collision.checker import Checker, Motion, collision_model
+from obstacles.collision.checker import Checker, Motion
 from obstacles.collision.model.brackets import OUTER
 from obstacles.collision.model.collision_model import CollisionModel, skipped_pairs
 from obstacles.distance.bvh import Tree, tree
@@ -89,21 +89,20 @@ def _edge_check_at_ends(sabotage: Sabotage) -> None:
     sabotage.method(Checker, "round_corners", round_one_by_one)
 
 
-#: ``collision_model``, which packs a robot and a scene for every kernel of the planners.
-_Pack = Callable[[RobotGeometry, Scene, float], CollisionModel]
+def _modelled(model: Callable[..., CollisionModel]) -> Callable[[Sabotage], None]:
+    """A lie in the models of a robot in a scene, which every kernel of the planners reads."""
+
+    def of(cls: type[Checker], robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> Checker:
+        return cls(model(robot, scene, margin))
+
+    return lambda sabotage: sabotage.method(Checker, "of", classmethod(of))
 
 
 def _packed(
     doctored: Callable[[RobotGeometry, Scene, float], tuple[RobotGeometry, Scene, float]],
 ) -> Callable[[Sabotage], None]:
     """A lie that packs something else than it is given."""
-
-    def pack(
-        true: _Pack, robot: RobotGeometry, scene: Scene, margin: float = 0.0
-    ) -> CollisionModel:
-        return true(*doctored(robot, scene, margin))
-
-    return lambda sabotage: sabotage.wrap(collision_model, pack)
+    return _modelled(lambda robot, scene, margin: CollisionModel(*doctored(robot, scene, margin)))
 
 
 def _shrunk(shape: Shape) -> Shape:
@@ -140,9 +139,9 @@ def _own_pairs_allowed(robot: RobotGeometry) -> RobotGeometry:
     return replace(robot, allowed=everything)
 
 
-def _small_balls(true: _Pack, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> Any:
+def _small_balls(robot: RobotGeometry, scene: Scene, margin: float) -> CollisionModel:
     """The balls that hold solids, which decide first, have no size; spheres that cover likewise."""
-    model = true(robot, scene, margin)
+    model = CollisionModel(robot, scene, margin)
     arrays = model.arrays
     rows, around, spheres = (np.array(a) for a in (arrays.robot, arrays.scene, arrays.spheres))
     rows[:, RADIUS], around[:, RADIUS], spheres[:, OUTER] = 0.0, 0.0, 0.0
@@ -231,7 +230,7 @@ COLLISION_LIES = (
     Lie("packed robot", "solids shrunk", _packed(lambda r, s, m: (_shrunk_robot(r), s, m)),
         _BLOCKED, _COLLISION),
     Lie("packed robot", "balls around solids shrunk",
-        lambda sabotage: sabotage.wrap(collision_model, _small_balls), _BLOCKED, _COLLISION),
+        _modelled(_small_balls), _BLOCKED, _COLLISION),
     Lie("margin", "taken for 0", _packed(lambda r, s, m: (r, s, 0.0)),
         ("panda past a post with a margin",), _COLLISION),
     Lie("hull cover", "smaller than what it holds", _small_hulls, ("hook over a bar",),
