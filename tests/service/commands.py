@@ -12,6 +12,7 @@ from typing import Any
 import httpx
 
 from tests.service.processes import wait_until
+from tests.service.server import CONNECTIONS
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-m", "service.cli"]
@@ -56,7 +57,7 @@ def serve(
         said = process.stdout.readline()
         address = re.fullmatch(r"Armwright serves on (http://127\.0\.0\.1:\d+)\n", said)
         assert address, said
-        with httpx.Client(base_url=address[1], timeout=60.0) as client:
+        with httpx.Client(base_url=address[1], timeout=60.0, limits=CONNECTIONS) as client:
             assert not warm or wait_until(lambda: client.get("/readyz").status_code == 200, longest)
             yield process, client
     finally:

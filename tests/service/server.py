@@ -11,6 +11,10 @@ from fastapi import FastAPI
 
 from tests.service.processes import wait_until
 
+#: Idle connections are closed before a server closes them, after 5 s: a request on its way at that
+#: moment would get no answer.
+CONNECTIONS = httpx.Limits(keepalive_expiry=2.0)
+
 
 @contextmanager
 def serving(app: FastAPI, **options: Any) -> Iterator[httpx.Client]:
@@ -29,7 +33,8 @@ def serving(app: FastAPI, **options: Any) -> Iterator[httpx.Client]:
     try:
         assert wait_until(lambda: server.started, 60.0)
         port = server.servers[0].sockets[0].getsockname()[1]
-        with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60.0) as client:
+        url = f"http://127.0.0.1:{port}"
+        with httpx.Client(base_url=url, timeout=60.0, limits=CONNECTIONS) as client:
             assert wait_until(lambda: client.get("/readyz").status_code == 200, 90.0)
             yield client
     finally:

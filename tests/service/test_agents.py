@@ -23,7 +23,7 @@ from tests.service.jobs.requests import EASY, STUCK, batch, ended, submit
 from tests.service.postgresql import PostgreSQL
 from tests.service.processes import alive, descendants, kill_in_work, wait_until
 from tests.service.robots import DETOUR, FLOOR, answer, bench, scene
-from tests.service.server import serving
+from tests.service.server import CONNECTIONS, serving
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +153,8 @@ def test_an_agent_answers_for_its_health_and_ends_at_once(
             assert process.stdout is not None
             greeting = process.stdout.readline()
             assert greeting.startswith("Armwright works on jobs; its health and metrics are on ")
-            with httpx.Client(base_url=greeting.split()[-1], timeout=20.0) as agent:
+            url = greeting.split()[-1]
+            with httpx.Client(base_url=url, timeout=20.0, limits=CONNECTIONS) as agent:
                 assert wait_until(lambda: agent.get("/readyz").status_code == 200, 60.0)
                 assert "armwright_agent_queue_length" in agent.get("/metrics").text
                 assert answer(agent.post("/v1/plan", json=EASY), 404)["code"] == "NOT_FOUND"
