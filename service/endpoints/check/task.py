@@ -7,7 +7,6 @@ from pydantic_core import to_json
 
 from armwright_wire.scenes.check import CheckRequest
 from armwright_wire.scenes.scene import ProjectRequest
-from obstacles.collision.fcl_distance import OverlapMeter
 from obstacles.projection.fcl_projection import FclProjector
 from obstacles.projection.projection import Projector
 from obstacles.scenes.placement import only_frame
@@ -47,7 +46,7 @@ def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | 
     cell = robot_in_scene(robot, scene, body, first_configuration(chain, body.joints))
     checker = configuration_checker(cell.robot, cell.scene, body.margin)
     look = checker.check if body.depth else checker.verdict
-    meter = OverlapMeter(cell.robot, cell.scene) if body.depth else None
+    meter = checker.meter if body.depth else None
     verdicts: list[dict[str, Any]] = []
     depths: list[dict[Pair, float]] = []
     rows, deadline, longest = joints.reshape(-1, chain.n), current.deadline(), 0.0
